@@ -1,0 +1,258 @@
+// The C ABI: each entry checks, calls core, and turns what happened into a status. What may be passed is said in cairn.h.
+#include <cairn/cairn.h>
+
+#include "check_step.h"
+#include "config.h"
+#include "cpu/fp_env.h"
+#include "params.h"
+#include "solver.h"
+#include "struct_size.h"
+
+#include <cstring>
+#include <memory>
+#include <span>
+#include <stdexcept>
+
+#if __has_include("cairn_build.h")
+#include "cairn_build.h"
+#else // built without CMake
+#define CAIRN_BUILD __VERSION__
+#endif
+
+using namespace cairn::capi;
+
+struct cairn_solver {
+    std::unique_ptr<cairn::Solver> core;
+    KeySet keys;
+};
+
+namespace {
+
+static_assert(sizeof(cairn_view) == 8 + sizeof(void*) + 8, "the layout of a view is fixed for ever");
+static_assert(CAIRN_F32 == static_cast<std::uint32_t>(cairn::Type::f32) && CAIRN_U64 == static_cast<std::uint32_t>(cairn::Type::u64));
+static_assert(CAIRN_ISA_AUTO == static_cast<std::uint32_t>(cairn::Isa::automatic) &&
+              CAIRN_ISA_AVX512 == static_cast<std::uint32_t>(cairn::Isa::avx512));
+static_assert(CAIRN_METHOD_COUNT == cairn::kMethodCount && CAIRN_METHOD_TJSOFT == static_cast<std::uint32_t>(cairn::Method::tjsoft));
+static_assert(CAIRN_PRESET_PAPER == static_cast<std::uint32_t>(cairn::Preset::paper));
+static_assert(CAIRN_SPLIT_MANIFOLD == static_cast<std::uint32_t>(cairn::Splitting::manifold));
+static_assert(CAIRN_FRICTION_PYRAMID == static_cast<std::uint32_t>(cairn::Friction::pyramid));
+static_assert(CAIRN_ACCELERATION_NESTEROV == static_cast<std::uint32_t>(cairn::Acceleration::nesterov));
+static_assert(CAIRN_SAME_AS_SWEEPS == cairn::kSameAsSweeps);
+
+template <class Solver> auto& core_of(Solver* solver) {
+    if (solver == nullptr)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "solver is NULL: make one with cairn_solver_create");
+    return *solver->core;
+}
+
+void check_pointer(const void* pointer, const char* name) {
+    if (pointer == nullptr)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "%s: the pointer is NULL", name);
+}
+
+// The protocol of every call that copies an array out: the count always, the elements if they are wanted and fit.
+void copy_out(const void* from, std::size_t count, std::size_t element, void* to, std::size_t capacity, std::size_t* counted,
+              const char* name) {
+    check_pointer(counted, name);
+    *counted = count;
+    if (to == nullptr)
+        return;
+    if (capacity < count)
+        refuse(CAIRN_ERROR_BUFFER_TOO_SMALL, "capacity is %zu, but there are %zu %s", capacity, count, name);
+    if (count > 0)
+        std::memcpy(to, from, count * element);
+}
+
+cairn_statistics to_c(const cairn::Statistics& s) {
+    cairn_statistics c = {};
+    c.bodies = s.bodies;
+    c.contacts = s.contacts;
+    c.manifolds = s.manifolds;
+    c.joints = s.joints;
+    c.rows = s.rows;
+    c.islands = s.islands;
+    c.substeps = s.substeps;
+    c.iterations = s.iterations;
+    c.position_iterations = s.position_iterations;
+    c.relax_iterations = s.relax_iterations;
+    c.restitution_iterations = s.restitution_iterations;
+    c.warm_started = s.warm_started;
+    c.rotation_clamped = s.rotation_clamped;
+    c.threads = s.threads;
+    c.instructions = static_cast<std::uint32_t>(s.isa);
+    c.backend = CAIRN_BACKEND_CPU;
+    c.time_total = s.time_total;
+    c.time_pack = s.time_pack;
+    c.time_build = s.time_build;
+    c.time_sweep = s.time_sweep;
+    c.time_position = s.time_position;
+    c.time_integrate = s.time_integrate;
+    c.time_finish = s.time_finish;
+    c.kinetic_energy_change = s.kinetic_energy_change;
+    c.residual = s.residual;
+    return c;
+}
+
+} // namespace
+
+const char* cairn_last_error(void) { return last_error(); }
+
+const char* cairn_status_name(cairn_status status) {
+    switch (status) {
+    case CAIRN_OK:
+        return "ok";
+    case CAIRN_ERROR_INVALID_ARGUMENT:
+        return "invalid argument";
+    case CAIRN_ERROR_INVALID_DATA:
+        return "invalid data";
+    case CAIRN_ERROR_STRUCT_SIZE:
+        return "struct size";
+    case CAIRN_ERROR_BUFFER_TOO_SMALL:
+        return "buffer too small";
+    case CAIRN_ERROR_OUT_OF_MEMORY:
+        return "out of memory";
+    case CAIRN_ERROR_UNSUPPORTED:
+        return "unsupported";
+    case CAIRN_ERROR_NOT_FINITE:
+        return "not finite";
+    case CAIRN_ERROR_INTERNAL:
+        return "internal error";
+    default:
+        return nullptr;
+    }
+}
+
+const char* cairn_method_name(uint32_t method) { return method < cairn::kMethodCount ? cairn::kMethods[method].name : nullptr; }
+
+cairn_status cairn_get_info(cairn_info* info) {
+    return guarded([&] {
+        cairn_info filled = {};
+        filled.abi_version = CAIRN_ABI_VERSION;
+        filled.version[0] = CAIRN_VERSION_MAJOR;
+        filled.version[1] = CAIRN_VERSION_MINOR;
+        filled.version[2] = CAIRN_VERSION_PATCH;
+        filled.instructions = static_cast<std::uint32_t>(cairn::Solver::widest());
+        filled.build = CAIRN_BUILD;
+        filled.cuda = "this build has no CUDA backend";
+        write_struct(info, filled);
+    });
+}
+
+cairn_status cairn_params_preset(uint32_t method, uint32_t preset, cairn_params* params) {
+    return guarded([&] { write_struct(params, to_c(check_preset(method, preset))); });
+}
+
+cairn_status cairn_joint_axes(uint32_t joint, uint32_t* axes) {
+    return guarded([&] {
+        constexpr uint32_t free = CAIRN_AXIS_FREE, locked = CAIRN_AXIS_LOCKED;
+        constexpr uint32_t presets[][6] = {
+            {locked, locked, locked, free, free, free},       // ball
+            {locked, locked, locked, locked, locked, free},   // hinge
+            {free, locked, locked, locked, locked, locked},   // slider
+            {locked, locked, locked, locked, locked, locked}, // fixed
+        };
+        if (joint > CAIRN_JOINT_FIXED)
+            refuse(CAIRN_ERROR_INVALID_ARGUMENT, "joint is %u: must be one of CAIRN_JOINT_..., 0 ... %u", joint, CAIRN_JOINT_FIXED);
+        check_pointer(axes, "axes");
+        std::memcpy(axes, presets[joint], sizeof presets[joint]);
+    });
+}
+
+cairn_status cairn_solver_create(const cairn_config* config, cairn_solver** solver) {
+    if (solver != nullptr)
+        *solver = nullptr;
+    return guarded([&] {
+        check_pointer(solver, "solver");
+        auto made = std::make_unique<cairn_solver>();
+        made->core = cairn::Solver::create(check_config(config));
+        made->core->params = cairn::preset(cairn::Method::tjsoft, cairn::Preset::best);
+        *solver = made.release();
+    });
+}
+
+void cairn_solver_destroy(cairn_solver* solver) { delete solver; }
+
+cairn_status cairn_solver_set_params(cairn_solver* solver, const cairn_params* params) {
+    return guarded([&] { core_of(solver).params = check_params(params); });
+}
+
+cairn_status cairn_solver_get_params(const cairn_solver* solver, cairn_params* params) {
+    return guarded([&] { write_struct(params, to_c(core_of(solver).params)); });
+}
+
+cairn_status cairn_solver_step(cairn_solver* solver, const cairn_step* step, const cairn_results* results) {
+    return guarded([&] {
+        cairn::Solver& core = core_of(solver);
+        const cairn::FpEnvironment environment; // the checks compute too
+        cairn::Input input;
+        cairn::Output output;
+        check_step(step, results, solver->keys, input, output);
+        core.step(input, output);
+    });
+}
+
+cairn_status cairn_solver_get_statistics(const cairn_solver* solver, cairn_statistics* statistics) {
+    return guarded([&] { write_struct(statistics, to_c(core_of(solver).statistics())); });
+}
+
+cairn_status cairn_solver_residual_trace(const cairn_solver* solver, double* values, size_t capacity, size_t* count) {
+    return guarded([&] {
+        const std::span<const double> trace = core_of(solver).residual_trace();
+        copy_out(trace.data(), trace.size(), sizeof(double), values, capacity, count, "residuals");
+    });
+}
+
+cairn_status cairn_solver_split_counts(const cairn_solver* solver, uint32_t* values, size_t capacity, size_t* count) {
+    return guarded([&] {
+        const std::span<const std::uint32_t> counts = core_of(solver).split_counts();
+        copy_out(counts.data(), counts.size(), sizeof(std::uint32_t), values, capacity, count, "split counts");
+    });
+}
+
+cairn_status cairn_solver_reset(cairn_solver* solver) {
+    return guarded([&] { core_of(solver).reset(); });
+}
+
+cairn_status cairn_solver_save_cache(const cairn_solver* solver, void* bytes, size_t capacity, size_t* size) {
+    return guarded([&] {
+        const std::vector<std::byte> blob = core_of(solver).save_cache();
+        copy_out(blob.data(), blob.size(), 1, bytes, capacity, size, "bytes");
+    });
+}
+
+cairn_status cairn_solver_load_cache(cairn_solver* solver, const void* bytes, size_t size) {
+    return guarded([&] {
+        cairn::Solver& core = core_of(solver);
+        check_pointer(bytes, "bytes");
+        try {
+            core.load_cache({static_cast<const std::byte*>(bytes), size});
+        } catch (const std::invalid_argument& error) {
+            refuse(CAIRN_ERROR_INVALID_DATA, "bytes: %s", error.what());
+        }
+    });
+}
+
+const cairn_api* cairn_get_api(uint32_t abi_version) {
+    static constexpr cairn_api api = {
+        sizeof(cairn_api),
+        CAIRN_ABI_VERSION,
+        cairn_last_error,
+        cairn_status_name,
+        cairn_method_name,
+        cairn_get_info,
+        cairn_params_preset,
+        cairn_joint_axes,
+        cairn_solver_create,
+        cairn_solver_destroy,
+        cairn_solver_set_params,
+        cairn_solver_get_params,
+        cairn_solver_step,
+        cairn_solver_get_statistics,
+        cairn_solver_residual_trace,
+        cairn_solver_split_counts,
+        cairn_solver_reset,
+        cairn_solver_save_cache,
+        cairn_solver_load_cache,
+    };
+    return abi_version == CAIRN_ABI_VERSION ? &api : nullptr;
+}

@@ -1,0 +1,145 @@
+// The order of a step's checks: the step itself, then every view, then which memory overlaps, and last the elements, which are
+// read only once it is certain that they can be.
+#include "check_step.h"
+
+#include "check_tables.h"
+#include "struct_size.h"
+#include "tables.h"
+
+#include <cmath>
+#include <limits>
+
+namespace cairn::capi {
+
+namespace {
+
+constexpr std::uint32_t kLargestCount = std::numeric_limits<std::int32_t>::max() - 1;
+
+// The memory of a step's present views.
+template <std::size_t Capacity> struct Extents {
+    std::array<Extent, Capacity> all;
+    std::size_t count = 0;
+
+    const Extent* begin() const { return all.data(); }
+    const Extent* end() const { return all.data() + count; }
+    void add(const Extent& extent) {
+        if (extent.present)
+            all[count++] = extent;
+    }
+};
+using Inputs = Extents<kBodyFields.size() + kContactFields.size() + kJointFields.size() + kRowFields.size()>;
+using Outputs = Extents<kResultFields.size()>;
+
+// A copy of the caller's table, all zero (no elements) where there is none.
+template <class Table> Table read_table(const Table* given, const char* name) {
+    if (given == nullptr)
+        return Table{};
+    const Table table = read_struct(given, Table{});
+    if (table.count > kLargestCount)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "%s.count is %u: must be at most %u", name, table.count, kLargestCount);
+    return table;
+}
+
+template <class Table, class Columns, std::size_t N>
+void take_views(const Table& table, const char* name, const std::array<Field<Table, Columns>, N>& fields, Columns& columns,
+                Inputs& inputs) {
+    columns = Columns{};
+    columns.count = table.count;
+    columns.revision = table.revision;
+    for (const auto& field : fields) {
+        const cairn_view& view = table.*field.view;
+        const Extent extent = check_view(view, {name, field.name, field.kind, field.components, table.count, field.required});
+        inputs.add(extent);
+        if (extent.present)
+            columns.*field.column = {static_cast<const std::byte*>(view.data), extent.signed_stride, static_cast<Type>(view.type)};
+    }
+}
+
+std::size_t count_of(Of of, const Input& input) {
+    switch (of) {
+    case Of::bodies:
+        return input.bodies.count;
+    case Of::contacts:
+        return input.contacts.count;
+    case Of::joints:
+        return input.joints.count;
+    default:
+        return input.rows.count;
+    }
+}
+
+[[noreturn]] void refuse_overlap(const Extent& output, const Extent& other, const char* hint) {
+    refuse(CAIRN_ERROR_INVALID_ARGUMENT, "%s.%s overlaps %s.%s: a result needs memory of its own%s", output.demand.table,
+           output.demand.field, other.demand.table, other.demand.field, hint);
+}
+
+void take_results(const cairn_results& results, const cairn_bodies& bodies, const Input& input, const Inputs& inputs, Output& output) {
+    Outputs outputs;
+    for (const ResultField& field : kResultFields) {
+        const cairn_view& view = results.*field.view;
+        const Extent extent = check_view(view, {"results", field.name, Kind::real, field.components, count_of(field.of, input), false});
+        if (!extent.present)
+            continue;
+        output.*field.column = {static_cast<std::byte*>(view.data), extent.signed_stride, static_cast<Type>(view.type)};
+        const cairn_view* const in_place = field.in_place == nullptr ? nullptr : &(bodies.*field.in_place);
+        for (const Extent& other : inputs) {
+            if (other.view == in_place && identical(extent, other))
+                continue;
+            if (overlap(extent, other))
+                refuse_overlap(extent, other, other.view == in_place ? ", or exactly this input's view (in place)" : "");
+        }
+        for (const Extent& other : outputs)
+            if (overlap(extent, other))
+                refuse_overlap(extent, other, "");
+        outputs.add(extent);
+    }
+}
+
+void check_time_and_gravity(const cairn_step& step) {
+    if (!(std::isfinite(step.dt) && step.dt > 0))
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "step.dt is %g s: must be > 0 and finite", step.dt);
+    for (int c = 0; c < 3; ++c)
+        if (!std::isfinite(step.gravity[c]))
+            refuse(CAIRN_ERROR_INVALID_ARGUMENT, "step.gravity[%d] is %s: must be finite", c,
+                   std::isnan(step.gravity[c]) ? "nan" : "infinite");
+    if (step.reserved != 0)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "step.reserved is %u: must be 0", step.reserved);
+    if (step.bodies == nullptr)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "step.bodies is NULL: a step needs a table of bodies, with count 0 for none");
+}
+
+} // namespace
+
+void check_step(const cairn_step* given, const cairn_results* given_results, KeySet& keys, Input& input, Output& output) {
+    const cairn_step step = read_struct(given, cairn_step{});
+    check_time_and_gravity(step);
+    input = Input{};
+    output = Output{};
+    input.dt = step.dt;
+    for (int c = 0; c < 3; ++c)
+        input.gravity[c] = step.gravity[c];
+
+    const cairn_bodies bodies = read_table(step.bodies, "bodies");
+    const cairn_contacts contacts = read_table(step.contacts, "contacts");
+    const cairn_joints joints = read_table(step.joints, "joints");
+    const cairn_rows rows = read_table(step.rows, "rows");
+    Inputs inputs;
+    take_views(bodies, "bodies", kBodyFields, input.bodies, inputs);
+    take_views(contacts, "contacts", kContactFields, input.contacts, inputs);
+    take_views(joints, "joints", kJointFields, input.joints, inputs);
+    take_views(rows, "rows", kRowFields, input.rows, inputs);
+
+    if (given_results != nullptr) {
+        const cairn_results results = read_struct(given_results, cairn_results{});
+        if (results.reserved != 0)
+            refuse(CAIRN_ERROR_INVALID_ARGUMENT, "results.reserved is %u: must be 0", results.reserved);
+        take_results(results, bodies, input, inputs, output);
+    }
+
+    check_bodies(input.bodies);
+    check_contacts(input.contacts, input.bodies.count, keys);
+    check_joints(input.joints, input.bodies.count, keys);
+    check_rows(input.rows, input.bodies.count, keys);
+}
+
+} // namespace cairn::capi

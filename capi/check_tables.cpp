@@ -1,0 +1,127 @@
+#include "check_tables.h"
+
+#include <cmath>
+#include <limits>
+
+namespace cairn::capi {
+
+namespace {
+
+constexpr double kLargest = std::numeric_limits<double>::max();
+constexpr std::size_t kAxes = 6;
+
+void check_axis_bits(const Array& axes) {
+    check_bits(axes, CAIRN_AXIS_LOCKED | CAIRN_AXIS_LIMITED | CAIRN_AXIS_DRIVEN, "CAIRN_AXIS_LOCKED (1), LIMITED (2) and DRIVEN (4)");
+    for (std::size_t i = 0; i < axes.count; ++i)
+        for (std::size_t c = 0; c < kAxes; ++c) {
+            const auto bits = static_cast<std::uint32_t>(axes.column.integer(i, c));
+            if ((bits & CAIRN_AXIS_LOCKED) != 0 && bits != CAIRN_AXIS_LOCKED)
+                refuse(CAIRN_ERROR_INVALID_DATA, "joints.axes[%zu][%zu] is %u: a locked axis can be neither limited nor driven", i, c,
+                       bits);
+        }
+}
+
+// A value of an axis that reads it.
+double axis_value(const Array& array, const char* state, std::size_t i, std::size_t c) {
+    if (!array.present())
+        refuse(CAIRN_ERROR_INVALID_DATA, "joints.axes[%zu][%zu] is %s, but joints.%s is absent: pass it", i, c, state, array.field);
+    return array.column.real(i, c);
+}
+
+void check_limit(const Array& lower, const Array& upper, std::size_t i, std::size_t c) {
+    const double low = axis_value(lower, "limited", i, c), high = axis_value(upper, "limited", i, c);
+    for (const Array* array : {&lower, &upper})
+        if (!std::isfinite(array->column.real(i, c)))
+            refuse(CAIRN_ERROR_INVALID_DATA, "joints.%s[%zu][%zu] is %s: must be finite on a limited axis", array->field, i, c,
+                   value_of(*array, i, c).text);
+    if (low > high)
+        refuse(CAIRN_ERROR_INVALID_DATA, "joints.lower[%zu][%zu] is %s, above joints.upper[%zu][%zu], which is %s", i, c,
+               value_of(lower, i, c).text, i, c, value_of(upper, i, c).text);
+}
+
+void check_motor(const Array& speed, const Array& force, std::size_t i, std::size_t c) {
+    if (!std::isfinite(axis_value(speed, "driven", i, c)))
+        refuse(CAIRN_ERROR_INVALID_DATA, "joints.motor_speed[%zu][%zu] is %s: must be finite on a driven axis", i, c,
+               value_of(speed, i, c).text);
+    if (!(axis_value(force, "driven", i, c) >= 0))
+        refuse(CAIRN_ERROR_INVALID_DATA, "joints.motor_force[%zu][%zu] is %s: must be >= 0 (infinity allowed)", i, c,
+               value_of(force, i, c).text);
+}
+
+} // namespace
+
+void check_bodies(const BodyColumns& columns) {
+    const auto array = [&](const Column& column, const char* field, std::size_t components = 1) {
+        return Array{column, "bodies", field, columns.count, components};
+    };
+    const Array inverse_mass = array(columns.inverse_mass, "inverse_mass");
+    const Array inverse_inertia = array(columns.inverse_inertia, "inverse_inertia", 3);
+    const Array flags = array(columns.flags, "flags");
+    check_finite(array(columns.position, "position", 3));
+    check_unit(array(columns.orientation, "orientation", 4));
+    check_finite(array(columns.linear_velocity, "linear_velocity", 3));
+    check_finite(array(columns.angular_velocity, "angular_velocity", 3));
+    check_range(inverse_mass, 0, kLargest, ">= 0");
+    check_range(inverse_inertia, 0, kLargest, ">= 0");
+    check_finite(array(columns.force, "force", 3));
+    check_finite(array(columns.torque, "torque", 3));
+    check_finite(array(columns.linear_factor, "linear_factor", 3));
+    check_finite(array(columns.angular_factor, "angular_factor", 3));
+    check_bits(flags, CAIRN_BODY_NO_GYROSCOPIC | CAIRN_BODY_AT_END_POSE, "CAIRN_BODY_NO_GYROSCOPIC (1) and CAIRN_BODY_AT_END_POSE (2)");
+    if (!flags.present())
+        return;
+    for (std::size_t i = 0; i < flags.count; ++i) {
+        if ((flags.column.integer(i) & CAIRN_BODY_AT_END_POSE) == 0)
+            continue;
+        if (inverse_mass.column.real(i) == 0 && inverse_inertia.column.real(i, 0) == 0 && inverse_inertia.column.real(i, 1) == 0 &&
+            inverse_inertia.column.real(i, 2) == 0)
+            continue;
+        refuse(CAIRN_ERROR_INVALID_DATA,
+               "bodies.flags[%zu] is %s, with CAIRN_BODY_AT_END_POSE: that is for kinematic bodies, and inverse_mass[%zu] or "
+               "inverse_inertia[%zu] "
+               "is not 0",
+               i, value_of(flags, i).text, i, i);
+    }
+}
+
+void check_contacts(const ContactColumns& columns, std::size_t bodies, KeySet& keys) {
+    const auto array = [&](const Column& column, const char* field, std::size_t components = 1) {
+        return Array{column, "contacts", field, columns.count, components};
+    };
+    check_pairs(array(columns.body_a, "body_a"), array(columns.body_b, "body_b"), bodies);
+    check_unit(array(columns.normal, "normal", 3));
+    check_finite(array(columns.arm_a, "arm_a", 3));
+    check_finite(array(columns.arm_b, "arm_b", 3));
+    check_finite(array(columns.separation, "separation"));
+    check_range(array(columns.friction, "friction"), 0, kLargest, ">= 0");
+    check_range(array(columns.restitution, "restitution"), 0, 1, "0 ... 1");
+    check_finite(array(columns.tangent, "tangent", 3));
+    check_bits(array(columns.flags, "flags"), CAIRN_CONTACT_ROUND_A | CAIRN_CONTACT_ROUND_B, "CAIRN_CONTACT_ROUND_A (1) and ROUND_B (2)");
+    keys.check_unique(array(columns.key, "key"));
+}
+
+void check_joints(const JointColumns& columns, std::size_t bodies, KeySet& keys) {
+    const auto array = [&](const Column& column, const char* field, std::size_t components = 1) {
+        return Array{column, "joints", field, columns.count, components};
+    };
+    const Array axes = array(columns.axes, "axes", kAxes);
+    const Array lower = array(columns.lower, "lower", kAxes), upper = array(columns.upper, "upper", kAxes);
+    const Array speed = array(columns.motor_speed, "motor_speed", kAxes), force = array(columns.motor_force, "motor_force", kAxes);
+    check_pairs(array(columns.body_a, "body_a"), array(columns.body_b, "body_b"), bodies);
+    check_finite(array(columns.anchor_a, "anchor_a", 3));
+    check_finite(array(columns.anchor_b, "anchor_b", 3));
+    check_unit(array(columns.frame_a, "frame_a", 4));
+    check_unit(array(columns.frame_b, "frame_b", 4));
+    check_axis_bits(axes);
+    for (std::size_t i = 0; i < columns.count; ++i)
+        for (std::size_t c = 0; c < kAxes; ++c) {
+            const auto bits = static_cast<std::uint32_t>(axes.column.integer(i, c));
+            if ((bits & CAIRN_AXIS_LIMITED) != 0)
+                check_limit(lower, upper, i, c);
+            if ((bits & CAIRN_AXIS_DRIVEN) != 0)
+                check_motor(speed, force, i, c);
+        }
+    keys.check_unique(array(columns.key, "key"));
+}
+
+} // namespace cairn::capi

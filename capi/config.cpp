@@ -1,0 +1,58 @@
+#include "config.h"
+
+#include "struct_size.h"
+
+namespace cairn::capi {
+
+namespace {
+
+constexpr std::uint32_t kMostThreads = 1024;
+constexpr const char* kIsaNames[] = {"CAIRN_ISA_AUTO", "CAIRN_ISA_SCALAR", "CAIRN_ISA_SSE2", "CAIRN_ISA_AVX2", "CAIRN_ISA_AVX512"};
+
+void check_instructions(const cairn_config& config) {
+    if (config.instructions > CAIRN_ISA_AVX512)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.instructions is %u: must be one of CAIRN_ISA_..., 0 ... %u", config.instructions,
+               CAIRN_ISA_AVX512);
+    const auto widest = static_cast<std::uint32_t>(Solver::widest());
+    if (config.instructions > widest)
+        refuse(CAIRN_ERROR_UNSUPPORTED,
+               "config.instructions is %s, which this processor or build lacks: the widest here is %s; CAIRN_ISA_AUTO takes it",
+               kIsaNames[config.instructions], kIsaNames[widest]);
+    if (config.precision == 64 && config.instructions > CAIRN_ISA_SCALAR)
+        refuse(CAIRN_ERROR_UNSUPPORTED,
+               "config.instructions is %s, but precision 64 is scalar: use CAIRN_ISA_AUTO or CAIRN_ISA_SCALAR with it",
+               kIsaNames[config.instructions]);
+}
+
+} // namespace
+
+Config check_config(const cairn_config* given) {
+    if (given == nullptr)
+        return Config{};
+    const cairn_config config = read_struct(given, cairn_config{});
+    if (config.backend > CAIRN_BACKEND_CUDA)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.backend is %u: must be one of CAIRN_BACKEND_..., 0 ... %u", config.backend,
+               CAIRN_BACKEND_CUDA);
+    if (config.backend == CAIRN_BACKEND_CUDA)
+        refuse(CAIRN_ERROR_UNSUPPORTED,
+               "config.backend is CAIRN_BACKEND_CUDA, but this build has no CUDA backend: use CAIRN_BACKEND_AUTO or _CPU");
+    if (config.threads > kMostThreads)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.threads is %u: must be 1 ... %u, or 0 for as many as the process may use",
+               config.threads, kMostThreads);
+    if (config.precision != 0 && config.precision != 32 && config.precision != 64)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.precision is %u: must be 32 or 64, or 0 for 32", config.precision);
+    check_instructions(config);
+    if (config.reserved != 0)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.reserved is %u: must be 0", config.reserved);
+    if ((config.allocate == nullptr) != (config.release == nullptr))
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.%s is NULL, but config.%s is not: pass both or neither",
+               config.allocate == nullptr ? "allocate" : "release", config.allocate == nullptr ? "release" : "allocate");
+    Config checked;
+    checked.threads = config.threads;
+    checked.isa = static_cast<Isa>(config.instructions);
+    checked.double_precision = config.precision == 64;
+    checked.hooks = {config.user, config.log, config.parallel_for, config.allocate, config.release};
+    return checked;
+}
+
+} // namespace cairn::capi

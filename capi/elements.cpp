@@ -1,0 +1,175 @@
+#include "elements.h"
+
+#include <charconv>
+#include <cmath>
+
+namespace cairn::capi {
+
+namespace {
+
+constexpr double kUnitTolerance = 1e-3;
+
+// 0 if every component is finite, else NaN: no branch an element.
+template <std::size_t N, class Real> Real finiteness(const Real* values) {
+    Real sum = 0;
+    for (std::size_t c = 0; c < N; ++c)
+        sum += values[c] * Real(0);
+    return sum;
+}
+
+template <std::size_t N> std::size_t first_not_finite(const Array& array) {
+    return first_bad<N>(array, [](const auto* values) { return finiteness<N>(values) == 0; });
+}
+
+[[noreturn]] void refuse_not_finite(const Array& array, std::size_t i) {
+    for (std::size_t c = 0; c < array.components; ++c) {
+        if (std::isfinite(array.column.real(i, c)))
+            continue;
+        if (array.components == 1)
+            refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is %s: must be finite", array.table, array.field, i, value_of(array, i).text);
+        refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu][%zu] is %s: must be finite", array.table, array.field, i, c,
+               value_of(array, i, c).text);
+    }
+    refuse(CAIRN_ERROR_INTERNAL, "%s.%s[%zu]: not finite, but every component is", array.table, array.field, i);
+}
+
+template <std::size_t N> void check_unit_of(const Array& array) {
+    constexpr double low = (1 - kUnitTolerance) * (1 - kUnitTolerance), high = (1 + kUnitTolerance) * (1 + kUnitTolerance);
+    const std::size_t i = first_bad<N>(array, [](const auto* values) {
+        double square = 0;
+        for (std::size_t c = 0; c < N; ++c)
+            square += static_cast<double>(values[c]) * static_cast<double>(values[c]);
+        return square >= low && square <= high;
+    });
+    if (i == array.count)
+        return;
+    double norm = 0;
+    for (std::size_t c = 0; c < N; ++c) {
+        const double value = array.column.real(i, c);
+        if (!std::isfinite(value))
+            refuse_not_finite(array, i);
+        norm = std::hypot(norm, value);
+    }
+    refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is (%s, %s, %s%s%s), of norm %.9g: must be 1 to within 1e-3", array.table, array.field, i,
+           value_of(array, i, 0).text, value_of(array, i, 1).text, value_of(array, i, 2).text, N == 4 ? ", " : "",
+           N == 4 ? value_of(array, i, 3).text : "", norm);
+}
+
+} // namespace
+
+Value value_of(const Array& array, std::size_t i, std::size_t component) {
+    Value value{};
+    char* const end = value.text + sizeof value.text - 1;
+    switch (array.column.type) {
+    case Type::f32:
+    case Type::f64: {
+        const double real = array.column.real(i, component);
+        if (std::isnan(real)) // to_chars would show the sign of a NaN
+            std::memcpy(value.text, "nan", 4);
+        else if (array.column.type == Type::f32)
+            std::to_chars(value.text, end, static_cast<float>(real));
+        else
+            std::to_chars(value.text, end, real);
+        break;
+    }
+    case Type::i32:
+        std::to_chars(value.text, end, static_cast<std::int32_t>(array.column.integer(i, component)));
+        break;
+    case Type::u32:
+        std::to_chars(value.text, end, static_cast<std::uint32_t>(array.column.integer(i, component)));
+        break;
+    case Type::u64:
+        std::to_chars(value.text, end, array.column.key(i));
+        break;
+    }
+    return value;
+}
+
+void check_finite(const Array& array) {
+    if (!array.present())
+        return;
+    std::size_t i = 0;
+    switch (array.components) {
+    case 1:
+        i = first_not_finite<1>(array);
+        break;
+    case 3:
+        i = first_not_finite<3>(array);
+        break;
+    default:
+        i = first_not_finite<6>(array);
+        break;
+    }
+    if (i < array.count)
+        refuse_not_finite(array, i);
+}
+
+void check_range(const Array& array, double low, double high, const char* must) {
+    if (!array.present())
+        return;
+    const auto inside = [low, high](auto value) { return std::isfinite(value) && value >= low && value <= high; };
+    std::size_t i = 0;
+    if (array.components == 1)
+        i = first_bad<1>(array, [&](const auto* values) { return inside(values[0]); });
+    else
+        i = first_bad<3>(array, [&](const auto* values) { return inside(values[0]) && inside(values[1]) && inside(values[2]); });
+    if (i == array.count)
+        return;
+    for (std::size_t c = 0; c < array.components; ++c) {
+        if (inside(array.column.real(i, c)))
+            continue;
+        if (!std::isfinite(array.column.real(i, c)))
+            refuse_not_finite(array, i);
+        if (array.components == 1)
+            refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is %s: must be %s", array.table, array.field, i, value_of(array, i).text, must);
+        refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu][%zu] is %s: must be %s", array.table, array.field, i, c, value_of(array, i, c).text,
+               must);
+    }
+}
+
+void check_unit(const Array& array) {
+    if (!array.present())
+        return;
+    if (array.components == 4)
+        check_unit_of<4>(array);
+    else
+        check_unit_of<3>(array);
+}
+
+void check_bits(const Array& array, std::uint32_t known, const char* names) {
+    if (!array.present())
+        return;
+    for (std::size_t i = 0; i < array.count; ++i)
+        for (std::size_t c = 0; c < array.components; ++c) {
+            const auto bits = static_cast<std::uint32_t>(array.column.integer(i, c));
+            if ((bits & ~known) == 0)
+                continue;
+            if (array.components == 1)
+                refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is %s: has bits beside %s", array.table, array.field, i,
+                       value_of(array, i).text, names);
+            refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu][%zu] is %s: has bits beside %s", array.table, array.field, i, c,
+                   value_of(array, i, c).text, names);
+        }
+}
+
+void check_pairs(const Array& body_a, const Array& body_b, std::size_t bodies) {
+    if (!body_a.present())
+        return;
+    const auto count = static_cast<std::int64_t>(bodies);
+    const auto refuse_index = [count](const Array& array, std::size_t i) {
+        refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is %s: must be CAIRN_WORLD (-1) or an index below the number of bodies, %lld",
+               array.table, array.field, i, value_of(array, i).text, static_cast<long long>(count));
+    };
+    for (std::size_t i = 0; i < body_a.count; ++i) {
+        const std::int32_t a = body_a.index(i), b = body_b.index(i);
+        if (a < CAIRN_WORLD || a >= count)
+            refuse_index(body_a, i);
+        if (b < CAIRN_WORLD || b >= count)
+            refuse_index(body_b, i);
+        if (a == b)
+            refuse(CAIRN_ERROR_INVALID_DATA, "%s.body_a[%zu] and %s.body_b[%zu] are both %d: must be two different bodies", body_a.table, i,
+                   body_b.table, i, static_cast<int>(a));
+    }
+}
+
+} // namespace cairn::capi

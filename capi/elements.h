@@ -1,0 +1,57 @@
+// Checks of the elements of one array. Each is one pass that keeps nothing; the text of a refusal is made only when there is
+// one, and names the array, the index and the value.
+#pragma once
+#include "scene/input.h"
+#include "status.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+namespace cairn::capi {
+
+// A checked view with its name.
+struct Array {
+    Column column;
+    const char* table = "";
+    const char* field = "";
+    std::size_t count = 0;
+    std::size_t components = 1;
+
+    bool present() const { return column.present() && count > 0; }
+    // I32 and U32 are read as the same 32 bits, so that 0xffffffff is -1: CAIRN_WORLD.
+    std::int32_t index(std::size_t i) const { return static_cast<std::int32_t>(column.integer(i)); }
+};
+
+// An element's value as text: the shortest digits that give the same value back.
+struct Value {
+    char text[32];
+};
+Value value_of(const Array& array, std::size_t i, std::size_t component = 0);
+
+void check_finite(const Array& array);
+// Finite and low <= value <= high; `must` says so in words: ">= 0".
+void check_range(const Array& array, double low, double high, const char* must);
+// Every component finite, and the norm within 1e-3 of 1.
+void check_unit(const Array& array);
+// No bits beside those of `known`; `names` lists them for the text.
+void check_bits(const Array& array, std::uint32_t known, const char* names);
+// Body indices: in -1 ... bodies - 1, and different.
+void check_pairs(const Array& body_a, const Array& body_b, std::size_t bodies);
+
+// The first element for which ok(values) is false, or the count. `values` points to N components in the array's own type.
+template <std::size_t N, class Ok> std::size_t first_bad(const Array& array, Ok ok) {
+    const auto scan = [&]<class Real>(Real) {
+        const std::byte* at = array.column.data;
+        for (std::size_t i = 0; i < array.count; ++i, at += array.column.stride) {
+            Real values[N];
+            std::memcpy(values, at, sizeof values);
+            if (!ok(static_cast<const Real*>(values)))
+                return i;
+        }
+        return array.count;
+    };
+    return array.column.type == Type::f32 ? scan(0.0f) : scan(0.0);
+}
+
+} // namespace cairn::capi

@@ -1,0 +1,416 @@
+/* Cairn: a rigid-body constraint solver for physics engines that already exist.
+ *
+ * It takes bodies, contacts and joints and gives back velocities, poses and impulses. It does no collision detection
+ * and has no scene graph. The five methods are those of Liang, Luo, Guo and He, "Performance analysis of GPU-based
+ * parallel solvers for rigid body dynamics" (2025), on the mass splitting of Tonge, Benevolenski and Voroshilov (2012).
+ *
+ *     cairn_solver *solver;                            cairn_step step = {sizeof step};
+ *     cairn_solver_create(NULL, &solver);              step.dt = 1.0 / 60; step.bodies = &bodies; ...
+ *     cairn_params params = {sizeof params};           cairn_solver_step(solver, &step, &results);
+ *     cairn_params_preset(CAIRN_METHOD_TJ, CAIRN_PRESET_DEFAULT, &params);
+ *     cairn_solver_set_params(solver, &params);
+ *
+ * Units are SI: m, kg, s, rad; impulses are N s (N m s on angular rows). Vectors are world axes unless a field says
+ * otherwise. Quaternions are x, y, z, w and unit.
+ *
+ * Rules that hold for every call
+ * - Struct sizes. The caller sets struct_size = sizeof(the struct). A shorter one (an older caller) gets defaults for the
+ *   fields it lacks; a longer one (a newer caller) is accepted only if what this library does not know is zero.
+ *   cairn_view is the exception: it has no size and never changes.
+ * - Status. Every call that can fail returns a cairn_status; CAIRN_OK is 0. cairn_last_error() has the text. A refused
+ *   input is refused before anything is changed: the caller's arrays and the solver stay as they were.
+ * - Ownership. Views and tables are borrowed for the duration of the call only. Strings returned live as long as the
+ *   library, except cairn_last_error()'s, which lives until the same thread's next failing call.
+ * - Threads. Distinct solvers are independent. One solver serves one thread at a time. No call throws.
+ * - Determinism. Results depend on the input alone: not on threads, instruction set, device or run.
+ */
+#ifndef CAIRN_CAIRN_H
+#define CAIRN_CAIRN_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(CAIRN_STATIC)
+#define CAIRN_API
+#elif defined(_WIN32)
+#if defined(CAIRN_BUILDING)
+#define CAIRN_API __declspec(dllexport)
+#else
+#define CAIRN_API __declspec(dllimport)
+#endif
+#else
+#define CAIRN_API __attribute__((visibility("default")))
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* The library's version, and the version of this interface. The interface's grows only with an incompatible change. */
+#define CAIRN_VERSION_MAJOR 0
+#define CAIRN_VERSION_MINOR 1
+#define CAIRN_VERSION_PATCH 0
+#define CAIRN_ABI_VERSION 1u
+
+/* ---- Statuses ------------------------------------------------------------------------------------------------- */
+typedef int32_t cairn_status;
+#define CAIRN_OK 0
+#define CAIRN_ERROR_INVALID_ARGUMENT 1 /* a null pointer, an unknown constant, a number out of range */
+#define CAIRN_ERROR_INVALID_DATA 2     /* an element of a view is bad (the text names array, index and value), or a saved cache */
+#define CAIRN_ERROR_STRUCT_SIZE 3      /* struct_size is impossible, or has set fields that this library does not know */
+#define CAIRN_ERROR_BUFFER_TOO_SMALL 4 /* the text says how much is needed */
+#define CAIRN_ERROR_OUT_OF_MEMORY 5    /* the solver stays usable */
+#define CAIRN_ERROR_UNSUPPORTED 6      /* a backend, device or precision that this build or machine does not have */
+#define CAIRN_ERROR_NOT_FINITE 7       /* the solve left the range of numbers; the caller's arrays are unchanged */
+#define CAIRN_ERROR_INTERNAL 8         /* a bug in Cairn: please report it */
+
+/* ---- Views ---------------------------------------------------------------------------------------------------- */
+#define CAIRN_F32 0u
+#define CAIRN_F64 1u
+#define CAIRN_I32 2u
+#define CAIRN_U32 3u
+#define CAIRN_U64 4u
+
+#define CAIRN_HOST 0u
+#define CAIRN_DEVICE 1u /* memory of the solver's CUDA device */
+
+/* An array of the caller's: `count` elements (count is the table's), each of the number of components that the field's
+ * comment gives in [brackets], those components adjacent. Fields of one array of structs may interleave, and a result
+ * may be the very same view as its input (in-place update of a body's field). Inputs may share memory; elements that overlap
+ * otherwise are refused. A view with data = NULL is absent: allowed where the comment says optional. Layout fixed for ever: 24 bytes. */
+typedef struct cairn_view {
+    void *data;      /* not written where the view is an input; aligned to its type */
+    int64_t stride;  /* bytes from one element to the next; 0 = packed; may be any multiple of the type's size */
+    uint32_t type;   /* CAIRN_F32, ... : floating fields take F32 or F64, index and flag fields I32 or U32 (the
+                        same 32 bits: 0xffffffff is -1), keys U64 */
+    uint32_t device; /* CAIRN_HOST or CAIRN_DEVICE */
+} cairn_view;
+
+/* ---- Input: bodies, contacts, joints, raw rows ------------------------------------------------------------------ */
+#define CAIRN_BODY_NO_GYROSCOPIC 1u /* leave out the gyroscopic term: angular velocity, not momentum, is kept */
+#define CAIRN_BODY_AT_END_POSE 2u   /* a kinematic body (inverse mass and inertia 0) given at its pose at the step's end */
+
+/* A body with inverse mass 0 and inverse inertia 0 is static (velocity 0) or kinematic (velocity not 0): it is never
+ * changed, its pose is never written. It moves with its velocity during the step as far as contacts are concerned. */
+typedef struct cairn_bodies {
+    uint32_t struct_size;
+    uint32_t count;              /* up to 2^31 - 2, in every table */
+    uint64_t revision;           /* a table with the revision of the last step's is not sent to a device again; 0 = changed */
+    cairn_view position;         /* [3] m, the centre of mass */
+    cairn_view orientation;      /* [4] x, y, z, w; refused if its norm is more than 1e-3 from 1 */
+    cairn_view linear_velocity;  /* [3] m/s */
+    cairn_view angular_velocity; /* [3] rad/s */
+    cairn_view inverse_mass;     /* [1] 1/kg, >= 0 */
+    cairn_view inverse_inertia;  /* [3] 1/(kg m^2), >= 0: about the body's own axes, which must be principal */
+    cairn_view force;            /* [3] N, acts through the whole step, gravity of cairn_step apart; optional: 0 */
+    cairn_view torque;           /* [3] N m, likewise */
+    cairn_view linear_factor;    /* [3] world axes; inverse mass becomes F M^-1 F; optional: 1 */
+    cairn_view angular_factor;   /* [3] world axes, likewise; a body with one other than 1 has no gyroscopic term */
+    cairn_view flags;            /* [1] CAIRN_BODY_...; optional: 0 */
+} cairn_bodies;
+
+#define CAIRN_WORLD (-1) /* as a body index: the immovable world, its frame at the origin */
+
+#define CAIRN_CONTACT_ROUND_A 1u /* the surface of a rolls (sphere, capsule about its axis): its anchor does not turn */
+#define CAIRN_CONTACT_ROUND_B 2u
+
+/* Contact points (paper eq. 6-9). Arms run from the centres of mass to the points on the two surfaces, so that
+ * (x_b + arm_b) - (x_a + arm_a) = separation * normal; no world points, so precision does not fade far from the origin.
+ * Consecutive contacts of the same two bodies, at most four, form a manifold. */
+typedef struct cairn_contacts {
+    uint32_t struct_size;
+    uint32_t count;
+    uint64_t revision;
+    cairn_view body_a;      /* [1] index or CAIRN_WORLD; a and b differ; if neither can move the contact has no effect */
+    cairn_view body_b;      /* [1] */
+    cairn_view normal;      /* [3] unit (to 1e-3), from a to b */
+    cairn_view arm_a;       /* [3] m */
+    cairn_view arm_b;       /* [3] m */
+    cairn_view separation;  /* [1] m, negative when the bodies overlap */
+    cairn_view friction;    /* [1] Coulomb's coefficient, >= 0; optional: 0 */
+    cairn_view restitution; /* [1] 0 ... 1; optional: 0 */
+    cairn_view tangent;     /* [3] first friction direction; projected on the plane; optional, or zero: chosen from the normal */
+    cairn_view key;         /* [1] U64, unique: finds the contact's impulse of the last step; 0 or absent: starts from zero */
+    cairn_view flags;       /* [1] CAIRN_CONTACT_...; optional: 0 */
+} cairn_contacts;
+
+/* A joint has six axes, x y z of translation and x y z of rotation, in its frame; each is a combination of these.
+ * Ball, hinge, slider and fixed joints (paper eq. 10-17) are presets: cairn_joint_axes(). */
+#define CAIRN_AXIS_FREE 0u
+#define CAIRN_AXIS_LOCKED 1u
+#define CAIRN_AXIS_LIMITED 2u /* lower <= coordinate <= upper */
+#define CAIRN_AXIS_DRIVEN 4u  /* a motor: speed is driven to motor_speed with at most motor_force */
+
+#define CAIRN_JOINT_BALL 0u   /* three rotations free */
+#define CAIRN_JOINT_HINGE 1u  /* rotation about z free */
+#define CAIRN_JOINT_SLIDER 2u /* translation along x free */
+#define CAIRN_JOINT_FIXED 3u  /* none free */
+
+/* Coordinates: translation of b's frame origin from a's, along the axes of a's frame; rotation of b's frame relative to a's.
+ * Rotation by kind of joint: all three locked: rotation vector 2 vec(q); exactly one not locked: the angle about it in
+ * (-pi, pi], and the other two by the paper's dot products; otherwise Cardan angles x-y-z as in btGeneric6DofConstraint
+ * (y within +-pi/2). */
+typedef struct cairn_joints {
+    uint32_t struct_size;
+    uint32_t count;
+    uint64_t revision;
+    cairn_view body_a;      /* [1] index or CAIRN_WORLD; a and b differ */
+    cairn_view body_b;      /* [1] */
+    cairn_view anchor_a;    /* [3] m, origin of the joint's frame in a's axes, from a's centre of mass (world: world point) */
+    cairn_view anchor_b;    /* [3] m */
+    cairn_view frame_a;     /* [4] quaternion: the joint's axes in a's axes; optional: identity */
+    cairn_view frame_b;     /* [4] likewise in b's axes */
+    cairn_view axes;        /* [6] I32 or U32, CAIRN_AXIS_... of tx ty tz rx ry rz */
+    cairn_view lower;       /* [6] m or rad, finite; only limited axes are read; optional if none is limited */
+    cairn_view upper;       /* [6] >= lower */
+    cairn_view motor_speed; /* [6] m/s or rad/s; only driven axes are read; optional if none is driven */
+    cairn_view motor_force; /* [6] N or N m, >= 0; infinity allowed */
+    cairn_view key;         /* [1] U64, as for contacts; optional */
+} cairn_joints;
+
+/* Raw rows: constraints that Cairn does not know, as Jacobians of the step's start, frozen over its substeps:
+ *     J v + compliance * lambda = rhs,   lower <= lambda <= upper
+ * Consecutive rows of the same two bodies and the same `block`, at most six, are solved together. */
+typedef struct cairn_rows {
+    uint32_t struct_size;
+    uint32_t count;
+    uint64_t revision;
+    cairn_view body_a;         /* [1] index or CAIRN_WORLD; a and b differ */
+    cairn_view body_b;         /* [1] */
+    cairn_view jacobian_a;     /* [6] linear, angular, for body a */
+    cairn_view jacobian_b;     /* [6] likewise for body b */
+    cairn_view rhs;            /* [1] target of J v, m/s or rad/s; optional: 0 */
+    cairn_view lower;          /* [1] N s over the whole step, may be -infinity; optional: -infinity */
+    cairn_view upper;          /* [1] >= lower, may be infinity; optional: infinity */
+    cairn_view compliance;     /* [1] >= 0, 1/kg (1/(kg m^2)): of the impulse of one substep; optional: 0 */
+    cairn_view friction_index; /* [1] index of an earlier row of the same block that has lower >= 0, or -1; optional: -1. The row is
+                                  then a friction row: |lambda| <= friction * lambda[friction_index]; at most two name the same row,
+                                  and two are bounded by a disc */
+    cairn_view friction;       /* [1] coefficient for friction rows, >= 0; optional: 0 */
+    cairn_view block;          /* [1] optional: 0 */
+    cairn_view key;            /* [1] U64, as for contacts; optional */
+} cairn_rows;
+
+typedef struct cairn_step {
+    uint32_t struct_size;
+    uint32_t reserved;    /* 0 */
+    double dt;            /* s, > 0 */
+    double gravity[3];    /* m/s^2, on every body with inverse mass > 0 */
+    const cairn_bodies *bodies;
+    const cairn_contacts *contacts; /* may be NULL: none */
+    const cairn_joints *joints;     /* may be NULL: none */
+    const cairn_rows *rows;         /* may be NULL: none */
+} cairn_step;
+
+/* Where results go; every view is optional. Impulses are sums over the step: substeps, relaxation and restitution. */
+typedef struct cairn_results {
+    uint32_t struct_size;
+    uint32_t reserved;           /* 0 */
+    cairn_view position;         /* [3] per body; not written for bodies that cannot move */
+    cairn_view orientation;      /* [4] */
+    cairn_view linear_velocity;  /* [3] */
+    cairn_view angular_velocity; /* [3] */
+    cairn_view contact_impulse;  /* [1] per contact, N s, along the normal, >= 0 */
+    cairn_view friction_impulse; /* [3] per contact, N s, world axes, on body b */
+    cairn_view joint_impulse;    /* [6] per joint, N s and N m s, on body b, in the joint's axes */
+    cairn_view row_impulse;      /* [1] per raw row */
+} cairn_results;
+
+/* ---- Method and parameters -------------------------------------------------------------------------------------- */
+#define CAIRN_METHOD_PJ 0u     /* projected Jacobi, Baumgarte bias */
+#define CAIRN_METHOD_PJNJ 1u   /* projected Jacobi without bias, then nonlinear Jacobi on positions */
+#define CAIRN_METHOD_PJSOFT 2u /* projected Jacobi, soft constraints */
+#define CAIRN_METHOD_TJ 3u     /* substeps of PJ */
+#define CAIRN_METHOD_TJSOFT 4u /* substeps of PJSoft */
+#define CAIRN_METHOD_COUNT 5u
+
+#define CAIRN_PRESET_DEFAULT 0u /* the best that Cairn can show */
+#define CAIRN_PRESET_PAPER 1u   /* the paper's: cold start, split by point, 300 iterations in all, no speed cap */
+
+#define CAIRN_SPLIT_POINT 0u    /* a contact point is a block of the splitting */
+#define CAIRN_SPLIT_MANIFOLD 1u /* a manifold is: fewer iterations, each a little dearer */
+
+#define CAIRN_FRICTION_NONE 0u
+#define CAIRN_FRICTION_CONE 1u    /* |lambda_t| <= mu lambda_n */
+#define CAIRN_FRICTION_PYRAMID 2u /* each component on its own */
+
+#define CAIRN_ACCELERATION_NONE 0u
+#define CAIRN_ACCELERATION_NESTEROV 1u /* momentum with adaptive restart, per island */
+
+#define CAIRN_SAME_AS_SWEEPS 0xffffffffu /* for restitution_iterations: the sweeps of a substep */
+
+typedef struct cairn_params {
+    uint32_t struct_size;
+    uint32_t method;                 /* CAIRN_METHOD_... */
+    uint32_t iterations;             /* velocity sweeps of a whole step, shared out over the substeps; 1 ... 1 000 000 */
+    uint32_t substeps;               /* 1 ... 1000, <= iterations; 1 for PJ, PJNJ and PJSoft */
+    uint32_t position_iterations;    /* PJNJ only: nonlinear position sweeps of a step; 0 ... 1 000 000 */
+    uint32_t relax_iterations;       /* sweeps without bias after each substep's integration */
+    uint32_t restitution_iterations; /* sweeps at the step's end where a contact bounces; or CAIRN_SAME_AS_SWEEPS */
+    uint32_t splitting;              /* CAIRN_SPLIT_... */
+    uint32_t friction_model;         /* CAIRN_FRICTION_... */
+    uint32_t acceleration;           /* CAIRN_ACCELERATION_... */
+    uint32_t residual_trace;         /* 1: record the residual of every sweep (cairn_solver_residual_trace) */
+    uint32_t reserved;               /* 0 */
+    double contact_warm_start;       /* share of the last impulse to start from; 0 (cold) ... 1 */
+    double joint_warm_start;         /* likewise; keep <= 0.5 with a rigid bias: see README, "limits" */
+    double contact_baumgarte;        /* share of the error removed per substep (paper eq. 20), 0 ... 1; PJ, TJ */
+    double joint_baumgarte;          /* likewise */
+    double contact_hertz;            /* Hz, > 0; soft constraints (paper eq. 22); PJSoft, TJSoft */
+    double contact_damping_ratio;    /* non-dimensional, > 0 */
+    double joint_hertz;              /* Hz, > 0 */
+    double joint_damping_ratio;      /* non-dimensional, > 0 */
+    double hertz_limit;              /* soft frequencies are at most hertz_limit / substep; > 0, infinity: no limit */
+    double static_hertz_scale;       /* contact_hertz is multiplied by this against bodies that cannot move; > 0 */
+    double max_push_speed;           /* m/s, > 0, cap on the speed that pushes overlapping contacts apart; infinity: none */
+    double restitution_threshold;    /* m/s, >= 0: slower approaches do not bounce */
+    double residual_tolerance;       /* an island stops sweeping when its residual is below; 0: never */
+} cairn_params;
+
+/* ---- Solver ------------------------------------------------------------------------------------------------------ */
+typedef struct cairn_solver cairn_solver;
+
+#define CAIRN_BACKEND_AUTO 0u
+#define CAIRN_BACKEND_CPU 1u
+#define CAIRN_BACKEND_CUDA 2u
+
+#define CAIRN_ISA_AUTO 0u /* the widest that the processor has */
+#define CAIRN_ISA_SCALAR 1u
+#define CAIRN_ISA_SSE2 2u
+#define CAIRN_ISA_AVX2 3u
+#define CAIRN_ISA_AVX512 4u
+
+#define CAIRN_LOG_INFO 0
+#define CAIRN_LOG_WARNING 1
+
+/* Run task(argument, i) for every i in 0 ... count - 1, on any threads, and return when all are done. Tasks are few
+ * (at most cairn_config.threads) and none waits for another. */
+typedef void (*cairn_task)(void *argument, uint32_t index);
+typedef void (*cairn_parallel_for)(void *user, uint32_t count, cairn_task task, void *argument);
+typedef void (*cairn_log)(void *user, int32_t level, const char *text);
+typedef void *(*cairn_allocate)(void *user, size_t bytes, size_t alignment); /* NULL: out of memory */
+typedef void (*cairn_release)(void *user, void *memory, size_t bytes, size_t alignment);
+
+typedef struct cairn_config {
+    uint32_t struct_size;
+    uint32_t backend;      /* CAIRN_BACKEND_... */
+    uint32_t threads;      /* 1 ... 1024; 0: as many as the process may use */
+    uint32_t instructions; /* CAIRN_ISA_...; for tests and measurements: results do not depend on it */
+    uint32_t precision;    /* 32 or 64, 0 = 32. 64 is the reference: scalar, slow, for accuracy studies */
+    uint32_t reserved;     /* 0 */
+    void *user;            /* handed to every hook */
+    cairn_log log;         /* optional */
+    cairn_parallel_for parallel_for; /* optional: else Cairn's own threads */
+    cairn_allocate allocate;         /* optional, with release: for the solver's large arrays */
+    cairn_release release;
+} cairn_config;
+
+/* What the last step did. Times are wall-clock seconds. */
+typedef struct cairn_statistics {
+    uint32_t struct_size;
+    uint32_t bodies;              /* that can move */
+    uint32_t contacts;            /* that had an effect */
+    uint32_t manifolds;
+    uint32_t joints;
+    uint32_t rows;                /* scalar rows swept: of contacts, joints and raw rows */
+    uint32_t islands;
+    uint32_t substeps;
+    uint32_t iterations;          /* velocity sweeps, of the busiest island */
+    uint32_t position_iterations;
+    uint32_t relax_iterations;
+    uint32_t restitution_iterations;
+    uint32_t warm_started;        /* contacts, joints and raw rows whose impulse was found in the cache */
+    uint32_t rotation_clamped;    /* times that a body's turn in a substep was cut to pi/4 */
+    uint32_t threads;
+    uint32_t instructions;        /* CAIRN_ISA_... used */
+    uint32_t backend;             /* CAIRN_BACKEND_... used */
+    uint32_t reserved;
+    double time_total;
+    double time_pack;             /* check, gather, order, match the cache */
+    double time_build;            /* rows and effective masses */
+    double time_sweep;            /* velocity sweeps */
+    double time_position;         /* position sweeps */
+    double time_integrate;        /* forces and poses */
+    double time_finish;           /* restitution, relaxation, cache, write back */
+    double kinetic_energy_change; /* J: sum over substeps of the energy after the sweeps - before them (after forces) */
+    double residual;              /* of the last sweep: |step of lambda| in the metric of D, sqrt(J); 0 unless traced */
+} cairn_statistics;
+
+typedef struct cairn_info {
+    uint32_t struct_size;
+    uint32_t abi_version;
+    uint32_t version[3];
+    uint32_t instructions;   /* CAIRN_ISA_... that AUTO takes here */
+    const char *build;       /* compiler, flags, commit */
+    const char *cuda;        /* the CUDA backend's state in words: present, or what is missing */
+} cairn_info;
+
+/* Text of this thread's last failing call; "" if there was none. */
+CAIRN_API const char *cairn_last_error(void);
+/* Short name of a status: "invalid data". NULL for an unknown one. */
+CAIRN_API const char *cairn_status_name(cairn_status status);
+/* "pj", "pjnj", "pjsoft", "tj", "tjsoft"; NULL for an unknown one. */
+CAIRN_API const char *cairn_method_name(uint32_t method);
+CAIRN_API cairn_status cairn_get_info(cairn_info *info);
+
+/* Fills params (struct_size must be set) for a method; every field is then valid. */
+CAIRN_API cairn_status cairn_params_preset(uint32_t method, uint32_t preset, cairn_params *params);
+/* Fills axes[6] for CAIRN_JOINT_... */
+CAIRN_API cairn_status cairn_joint_axes(uint32_t joint, uint32_t *axes);
+
+/* config may be NULL: all defaults. A new solver has the TJSoft method's default preset. *solver is NULL on failure. */
+CAIRN_API cairn_status cairn_solver_create(const cairn_config *config, cairn_solver **solver);
+/* NULL is allowed. */
+CAIRN_API void cairn_solver_destroy(cairn_solver *solver);
+/* Refused as a whole if any field is out of range. A shorter struct keeps the method's default for what it lacks. */
+CAIRN_API cairn_status cairn_solver_set_params(cairn_solver *solver, const cairn_params *params);
+CAIRN_API cairn_status cairn_solver_get_params(const cairn_solver *solver, cairn_params *params);
+
+/* One step of the simulation: forces, constraints, poses. results may be NULL: then nothing is written. */
+CAIRN_API cairn_status cairn_solver_step(cairn_solver *solver, const cairn_step *step, const cairn_results *results);
+
+/* Of the last step that succeeded. */
+CAIRN_API cairn_status cairn_solver_get_statistics(const cairn_solver *solver, cairn_statistics *statistics);
+/* Residual of every velocity sweep of the last step, if params.residual_trace. *count is set to how many there are; they
+ * are written if values is not NULL and capacity suffices (else CAIRN_ERROR_BUFFER_TOO_SMALL, nothing written). */
+CAIRN_API cairn_status cairn_solver_residual_trace(const cairn_solver *solver, double *values, size_t capacity,
+                                                   size_t *count);
+/* n_i of paper eq. 19, per body of the last step: how many blocks share it. Same protocol. */
+CAIRN_API cairn_status cairn_solver_split_counts(const cairn_solver *solver, uint32_t *values, size_t capacity,
+                                                 size_t *count);
+
+/* The warm-start cache: forget it; save it and load it, so that a run can be restarted with the same bits. */
+CAIRN_API cairn_status cairn_solver_reset(cairn_solver *solver);
+CAIRN_API cairn_status cairn_solver_save_cache(const cairn_solver *solver, void *bytes, size_t capacity, size_t *size);
+CAIRN_API cairn_status cairn_solver_load_cache(cairn_solver *solver, const void *bytes, size_t size);
+
+/* Every call above as a table, so that a loader needs one symbol. Grows at its end only; struct_size says how far. */
+typedef struct cairn_api {
+    uint32_t struct_size;
+    uint32_t abi_version;
+    const char *(*last_error)(void);
+    const char *(*status_name)(cairn_status);
+    const char *(*method_name)(uint32_t);
+    cairn_status (*get_info)(cairn_info *);
+    cairn_status (*params_preset)(uint32_t, uint32_t, cairn_params *);
+    cairn_status (*joint_axes)(uint32_t, uint32_t *);
+    cairn_status (*solver_create)(const cairn_config *, cairn_solver **);
+    void (*solver_destroy)(cairn_solver *);
+    cairn_status (*solver_set_params)(cairn_solver *, const cairn_params *);
+    cairn_status (*solver_get_params)(const cairn_solver *, cairn_params *);
+    cairn_status (*solver_step)(cairn_solver *, const cairn_step *, const cairn_results *);
+    cairn_status (*solver_get_statistics)(const cairn_solver *, cairn_statistics *);
+    cairn_status (*solver_residual_trace)(const cairn_solver *, double *, size_t, size_t *);
+    cairn_status (*solver_split_counts)(const cairn_solver *, uint32_t *, size_t, size_t *);
+    cairn_status (*solver_reset)(cairn_solver *);
+    cairn_status (*solver_save_cache)(const cairn_solver *, void *, size_t, size_t *);
+    cairn_status (*solver_load_cache)(cairn_solver *, const void *, size_t);
+} cairn_api;
+
+/* NULL if this library does not have that version (pass CAIRN_ABI_VERSION). */
+CAIRN_API const cairn_api *cairn_get_api(uint32_t abi_version);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,42 @@
+// Views of the caller's arrays: what a view may be, and which memory of two views overlaps.
+#pragma once
+#include "scene/input.h"
+#include "status.h"
+
+#include <cstddef>
+#include <cstdint>
+
+namespace cairn::capi {
+
+enum class Kind { real, integer, key }; // F32 or F64; I32 or U32; U64
+
+// What a field asks of its view.
+struct Demand {
+    const char* table; // "bodies"
+    const char* field; // "linear_velocity"
+    Kind kind;
+    std::size_t components;
+    std::size_t count; // elements
+    bool required;
+};
+
+// The memory of a checked view: `count` elements of `length` bytes, lowest address first, `stride` (> 0) apart.
+struct Extent {
+    const cairn_view* view = nullptr; // which one it is
+    Demand demand{};
+    std::uintptr_t begin = 0, end = 0;
+    std::uintptr_t stride = 0, length = 0;
+    std::ptrdiff_t signed_stride = 0; // as given, with packed (0) resolved
+    bool present = false;
+};
+
+// Type, device, alignment, stride and range of addresses; refuses what does not fit.
+Extent check_view(const cairn_view& view, const Demand& demand);
+
+// Whether an element of a and an element of b share a byte. Exact.
+bool overlap(const Extent& a, const Extent& b);
+
+// The same elements of the same type in the same order.
+bool identical(const Extent& a, const Extent& b);
+
+} // namespace cairn::capi
