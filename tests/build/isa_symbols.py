@@ -1,7 +1,7 @@
 """Fails if an object compiled for one instruction set defines an inline function that another might be linked with.
 
 The linker keeps one copy of a weak symbol. Were it the one with AVX-512 instructions, the library would crash on a
-processor without them. A weak symbol is safe if its mangled name mentions the instruction set's namespace (as a scope
+processor without them. A weak symbol is safe if its mangled name mentions one of the instruction set's namespaces (as a scope
 or in a template argument), or a vector of std::experimental that only this instruction set has.
 """
 
@@ -14,7 +14,7 @@ OWN_VECTORS = {"avx2": 32, "avx512": 64}
 
 
 def is_safe(symbol: str, isa: str) -> bool:
-    if re.search(rf"(?<!\d){len(isa)}{isa}", symbol):
+    if any(re.search(rf"(?<!\d){len(name)}{name}", symbol) for name in (isa, f"kernels_{isa}")):
         return True
     width = OWN_VECTORS.get(isa)
     return width is not None and re.search(rf"_Vec(Builtin|BltnBtmsk)ILi{width}E", symbol) is not None
@@ -30,7 +30,8 @@ def main() -> None:
     listing = subprocess.run(
         [arguments.nm, "--defined-only", *arguments.objects], check=True, capture_output=True, text=True
     ).stdout
-    symbols = [line.split()[-2:] for line in listing.splitlines() if len(line.split()) >= 3]
+    fields = [line.split() for line in listing.splitlines()]
+    symbols = [(field[1], field[2]) for field in fields if len(field) == 3]
     symbols = [
         (kind, name) for kind, name in symbols if not name.startswith("DW.ref.")
     ]  # a pointer, the same everywhere

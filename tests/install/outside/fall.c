@@ -2,7 +2,7 @@
 #include <cairn/cairn.h>
 #include <stdio.h>
 
-static cairn_view view(double *values) {
+static cairn_view view(double* values) {
     cairn_view v = {0};
     v.data = values;
     v.type = CAIRN_F64;
@@ -16,7 +16,7 @@ int main(void) {
     const int steps = 100;
     double expected, error;
     int i;
-    cairn_solver *solver = NULL;
+    cairn_solver* solver = NULL;
     cairn_bodies bodies = {sizeof bodies};
     cairn_step step = {sizeof step};
     cairn_results results = {sizeof results};
