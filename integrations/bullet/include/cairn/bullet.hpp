@@ -1,0 +1,72 @@
+// Cairn behind Bullet: a btConstraintSolver that hands every contact and constraint of a world to libcairn.
+//
+//     cairn::bullet::ConstraintSolver solver(CAIRN_METHOD_TJSOFT);
+//     btDiscreteDynamicsWorld world(&dispatcher, &broadphase, &solver, &configuration);
+//     world.stepSimulation(dt, 0); // nothing else changes
+//
+// Compiled inside the application's build, in C++14, with the application's own definition of btScalar. It computes
+// nothing that decides a result: it gathers Bullet's state, calls the C interface (cairn/cairn.h), and scatters what
+// comes back. README.md beside this folder says what is honoured and what differs from the stock solver.
+#ifndef CAIRN_BULLET_HPP
+#define CAIRN_BULLET_HPP
+
+#include <cairn/cairn.h>
+
+#include <BulletDynamics/ConstraintSolver/btConstraintSolver.h>
+
+#include <memory>
+
+namespace cairn {
+namespace bullet {
+
+class ConstraintSolver : public btConstraintSolver {
+  public:
+    // Called once for each new kind of trouble; `text` lives until the call returns. See setErrorCallback().
+    using ErrorCallback = void (*)(void* user, cairn_status status, const char* text);
+
+    // `config` as in cairn_solver_create(), NULL for the defaults. Never throws for a reason of Cairn's: look at
+    // lastStatus() if it matters whether a solver could be made.
+    explicit ConstraintSolver(uint32_t method = CAIRN_METHOD_TJSOFT, uint32_t preset = CAIRN_PRESET_DEFAULT,
+                              const cairn_config* config = nullptr);
+    ~ConstraintSolver() override;
+    ConstraintSolver(const ConstraintSolver&) = delete;
+    ConstraintSolver& operator=(const ConstraintSolver&) = delete;
+
+    // A method with the parameters of a preset (CAIRN_METHOD_..., CAIRN_PRESET_...).
+    cairn_status setMethod(uint32_t method, uint32_t preset = CAIRN_PRESET_DEFAULT);
+    // Parameters in use. `restitution_threshold` is replaced in each step by btContactSolverInfo's
+    // m_restitutionVelocityThreshold; iterations are these, not m_numIterations.
+    const cairn_params& params() const;
+    cairn_status setParams(const cairn_params& params);
+
+    // What the last step did (the last call to libcairn, where a world makes several in a step).
+    cairn_statistics statistics() const;
+    // For what has no call here: residual traces, split counts, saving the cache. NULL if creation failed.
+    cairn_solver* handle() const;
+
+    // Bullet cannot be told of an error, and nothing is thrown through it: a step that libcairn refuses leaves every
+    // velocity and pose as it was (Bullet then moves the bodies freely), is kept here until the next step, and is
+    // reported: to the callback or, without one, to stderr; an error that repeats is reported once.
+    cairn_status lastStatus() const;
+    const char* lastError() const;
+    void setErrorCallback(ErrorCallback callback, void* user);
+
+    // btConstraintSolver. Between prepareSolve() and allSolved() the groups are collected and solved together; a group
+    // that comes without prepareSolve() (a btConstraintSolverPoolMt does that) is solved at once.
+    void prepareSolve(int numBodies, int numManifolds) override;
+    btScalar solveGroup(btCollisionObject** bodies, int numBodies, btPersistentManifold** manifolds, int numManifolds,
+                        btTypedConstraint** constraints, int numConstraints, const btContactSolverInfo& info,
+                        btIDebugDraw* debugDrawer, btDispatcher* dispatcher) override;
+    void allSolved(const btContactSolverInfo& info, btIDebugDraw* debugDrawer) override;
+    // Forgets the impulses kept for warm starts.
+    void reset() override;
+    btConstraintSolverType getSolverType() const override { return BT_SEQUENTIAL_IMPULSE_SOLVER; }
+
+  private:
+    struct Implementation;
+    std::unique_ptr<Implementation> m_implementation;
+};
+
+} // namespace bullet
+} // namespace cairn
+#endif

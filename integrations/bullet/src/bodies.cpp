@@ -1,0 +1,101 @@
+#include "bodies.h"
+
+#include <BulletDynamics/ConstraintSolver/btTypedConstraint.h>
+#include <BulletDynamics/Dynamics/btRigidBody.h>
+#include <LinearMath/btTransformUtil.h>
+
+namespace cairn {
+namespace bullet {
+
+void Bodies::beginStep() {
+    ++m_step;
+    m_outsideWorld.clear();
+    m_fixed = &btTypedConstraint::getFixedBody();
+}
+
+int Bodies::indexOf(btCollisionObject& object) {
+    const int worldIndex = object.getWorldArrayIndex();
+    if (worldIndex >= 0) {
+        const std::size_t at = static_cast<std::size_t>(worldIndex);
+        if (at >= m_byWorldIndex.size())
+            m_byWorldIndex.resize(at + at / 2 + 64, Place{0, 0});
+        Place& place = m_byWorldIndex[at];
+        if (place.step != m_step)
+            place = Place{m_step, add(object)};
+        return place.index;
+    }
+    if (&object == m_fixed)
+        return CAIRN_WORLD;
+    for (const std::pair<btCollisionObject*, int>& known : m_outsideWorld)
+        if (known.first == &object)
+            return known.second;
+    m_outsideWorld.emplace_back(&object, add(object));
+    return m_outsideWorld.back().second;
+}
+
+int Bodies::add(btCollisionObject& object) {
+    const int index = static_cast<int>(m_tables.bodies.size());
+    m_tables.bodies.emplace_back(); // zeroed: static until found otherwise
+    BodyRecord& record = m_tables.bodies.back();
+    const btTransform& pose = object.getWorldTransform();
+    btQuaternion orientation;
+    pose.getBasis().getRotation(orientation);
+    store(record.position, pose.getOrigin());
+    store(record.orientation, orientation);
+    store(record.linearFactor, btVector3(1, 1, 1));
+    store(record.angularFactor, btVector3(1, 1, 1));
+
+    btRigidBody* body = btRigidBody::upcast(&object);
+    const bool active = object.isActive();
+    const bool moves = body && active && !object.isStaticOrKinematicObject() && body->getInvMass() > btScalar(0);
+    m_tables.bodyOwners.push_back(moves ? body : nullptr);
+    if (moves) {
+        store(record.linearVelocity, body->getLinearVelocity());
+        store(record.angularVelocity, body->getAngularVelocity());
+        record.inverseMass = body->getInvMass();
+        store(record.inverseInertia, body->getInvInertiaDiagLocal());
+        store(record.force, body->getTotalForce()); // gravity is in it
+        store(record.torque, body->getTotalTorque());
+        store(record.linearFactor, body->getLinearFactor());
+        store(record.angularFactor, body->getAngularFactor());
+        const int gyroscopic = BT_ENABLE_GYROSCOPIC_FORCE_EXPLICIT | BT_ENABLE_GYROSCOPIC_FORCE_IMPLICIT_WORLD |
+                               BT_ENABLE_GYROSCOPIC_FORCE_IMPLICIT_BODY;
+        if (!(body->getFlags() & gyroscopic))
+            record.flags = CAIRN_BODY_NO_GYROSCOPIC;
+    } else if (body && active && object.isKinematicObject()) {
+        store(record.linearVelocity, body->getLinearVelocity());
+        store(record.angularVelocity, body->getAngularVelocity());
+        record.flags = CAIRN_BODY_AT_END_POSE;
+    }
+    return index;
+}
+
+void Bodies::scatter(btScalar dt) const {
+    for (std::size_t i = 0; i < m_tables.bodies.size(); ++i) {
+        btRigidBody* body = m_tables.bodyOwners[i];
+        if (!body)
+            continue;
+        const BodyRecord& record = m_tables.bodies[i];
+        body->setLinearVelocity(vector(record.linearVelocity));
+        body->setAngularVelocity(vector(record.angularVelocity));
+
+        // After the solver the world integrates once more with the velocity that we leave, so leave the pose that this
+        // takes to where the substeps ended. Integrating backwards from there finds it: Bullet's rotation increment,
+        // its clamp of the angle included, is even in the sign of the velocity.
+        // Where Bullet will sweep the shape along that path (CCD), the path must be the real one: after a bounce the
+        // pre-image lies behind the wall. There, leave the start and let Bullet integrate, as behind its own solver.
+        const btVector3& linear = body->getLinearVelocity();
+        const btVector3& angular = body->getAngularVelocity();
+        const btScalar threshold = body->getCcdSquareMotionThreshold();
+        if (threshold > btScalar(0) && threshold < (linear * dt).length2())
+            continue;
+        const btTransform end(btQuaternion(record.orientation[0], record.orientation[1], record.orientation[2], record.orientation[3]),
+                              vector(record.position));
+        btTransform start;
+        btTransformUtil::integrateTransform(end, -linear, -angular, dt, start);
+        body->setWorldTransform(start);
+    }
+}
+
+} // namespace bullet
+} // namespace cairn

@@ -1,0 +1,130 @@
+// The tables that go to libcairn: arrays of structs in btScalar, viewed in place. They keep their memory between steps.
+#pragma once
+#include <cairn/cairn.h>
+
+#include <LinearMath/btScalar.h>
+#include <LinearMath/btTransform.h>
+
+#include <cstdint>
+#include <vector>
+
+class btManifoldPoint;
+class btPersistentManifold;
+class btRigidBody;
+class btTypedConstraint;
+
+namespace cairn {
+namespace bullet {
+
+struct BodyRecord {
+    btScalar position[3];
+    btScalar orientation[4];
+    btScalar linearVelocity[3];
+    btScalar angularVelocity[3];
+    btScalar inverseMass;
+    btScalar inverseInertia[3];
+    btScalar force[3];
+    btScalar torque[3];
+    btScalar linearFactor[3];
+    btScalar angularFactor[3];
+    uint32_t flags;
+    uint32_t padding;
+};
+
+struct ContactRecord {
+    uint64_t key;
+    int32_t bodyA;
+    int32_t bodyB;
+    uint32_t flags;
+    uint32_t padding;
+    btScalar normal[3];
+    btScalar armA[3];
+    btScalar armB[3];
+    btScalar separation;
+    btScalar friction;
+    btScalar restitution;
+    btScalar tangent[3];
+    btScalar impulse;            // result
+    btScalar frictionImpulse[3]; // result
+};
+
+struct JointRecord {
+    uint64_t key;
+    int32_t bodyA;
+    int32_t bodyB;
+    uint32_t axes[6];
+    btScalar anchorA[3];
+    btScalar anchorB[3];
+    btScalar frameA[4];
+    btScalar frameB[4];
+    btScalar lower[6];
+    btScalar upper[6];
+    btScalar motorSpeed[6];
+    btScalar motorForce[6];
+    btScalar impulse[6]; // result
+};
+
+struct RowRecord {
+    uint64_t key;
+    int32_t bodyA;
+    int32_t bodyB;
+    uint32_t block;
+    uint32_t padding;
+    btScalar jacobianA[6];
+    btScalar jacobianB[6];
+    btScalar rhs;
+    btScalar lower;
+    btScalar upper;
+    btScalar compliance;
+    btScalar impulse; // result
+};
+
+// Where a constraint's results are: its native joint (or -1) and its rows.
+struct ConstraintSlot {
+    btTypedConstraint* constraint;
+    int joint;
+    int reportedAxis; // of the native joint: the axis whose impulse Bullet's users read; -1: the linear impulse's norm
+    btScalar reportedSign;
+    std::size_t firstRow;
+    std::size_t rowCount;
+};
+
+struct Tables {
+    std::vector<BodyRecord> bodies;
+    std::vector<btRigidBody*> bodyOwners; // parallel to bodies; NULL for what the step may not move
+    std::vector<ContactRecord> contacts;
+    std::vector<btManifoldPoint*> contactOwners; // parallel to contacts
+    std::vector<JointRecord> joints;
+    std::vector<RowRecord> rows;
+    std::vector<ConstraintSlot> constraints;
+    bool tangents = false; // some contact brings its own friction direction
+
+    void clear() {
+        bodies.clear();
+        bodyOwners.clear();
+        contacts.clear();
+        contactOwners.clear();
+        joints.clear();
+        rows.clear();
+        constraints.clear();
+        tangents = false;
+    }
+};
+
+inline void store(btScalar (&to)[3], const btVector3& from) {
+    to[0] = from.x();
+    to[1] = from.y();
+    to[2] = from.z();
+}
+
+inline void store(btScalar (&to)[4], const btQuaternion& from) {
+    to[0] = from.x();
+    to[1] = from.y();
+    to[2] = from.z();
+    to[3] = from.w();
+}
+
+inline btVector3 vector(const btScalar (&from)[3]) { return btVector3(from[0], from[1], from[2]); }
+
+} // namespace bullet
+} // namespace cairn
