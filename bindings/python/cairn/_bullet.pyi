@@ -1,5 +1,4 @@
 from collections.abc import Mapping, Sequence
-from typing import Optional, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +13,7 @@ class World:
         self,
         gravity: Sequence[float] = (0.0, -9.81, 0.0),
         solver: str = "pgs",
-        params: Optional[Union[Mapping[str, float], bytes]] = None,
+        params: Mapping[str, float] | bytes | None = None,
         *,
         threads: int = 0,
         instructions: int = 0,
@@ -26,7 +25,7 @@ class World:
         half_extents: Sequence[float],
         *,
         mass: float,
-        inertia: Optional[Sequence[float]] = None,
+        inertia: Sequence[float] | None = None,
         position: Sequence[float] = ...,
         orientation: Sequence[float] = ...,
         linear_velocity: Sequence[float] = ...,
@@ -40,7 +39,7 @@ class World:
         radius: float,
         *,
         mass: float,
-        inertia: Optional[Sequence[float]] = None,
+        inertia: Sequence[float] | None = None,
         position: Sequence[float] = ...,
         orientation: Sequence[float] = ...,
         linear_velocity: Sequence[float] = ...,
@@ -55,7 +54,7 @@ class World:
         half_length: float,
         *,
         mass: float,
-        inertia: Optional[Sequence[float]] = None,
+        inertia: Sequence[float] | None = None,
         position: Sequence[float] = ...,
         orientation: Sequence[float] = ...,
         linear_velocity: Sequence[float] = ...,
@@ -70,7 +69,7 @@ class World:
         offset: float,
         *,
         mass: float,
-        inertia: Optional[Sequence[float]] = None,
+        inertia: Sequence[float] | None = None,
         position: Sequence[float] = ...,
         orientation: Sequence[float] = ...,
         linear_velocity: Sequence[float] = ...,
@@ -121,6 +120,6 @@ class World:
     @property
     def params(self) -> dict[str, float]: ...
     @params.setter
-    def params(self, given: Union[Mapping[str, float], bytes]) -> None: ...
+    def params(self, given: Mapping[str, float] | bytes) -> None: ...
     def statistics(self) -> dict[str, float]: ...
     def residual_trace(self) -> _Floats: ...
