@@ -1,0 +1,43 @@
+#include "params.h"
+
+#include <limits>
+
+namespace cairn {
+
+Params preset(Method method, Preset preset) {
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    const MethodRow& row = row_of(method);
+    Params p{};
+    p.method = method;
+    p.iterations = 300;
+    p.substeps = row.substeps ? 10 : 1;
+    p.restitution_iterations = kSameAsSweeps;
+    p.friction_model = Friction::cone;
+    p.splitting = Splitting::point;
+    p.restitution_threshold = 0.5;
+    if (preset == Preset::paper) {
+        p.position_iterations = row.position_sweeps ? 300 : 0;
+        p.contact_baumgarte = p.joint_baumgarte = row.substeps ? 0.6 : 0.2;
+        p.contact_hertz = p.joint_hertz = 300;
+        p.contact_damping_ratio = p.joint_damping_ratio = 1;
+        p.hertz_limit = infinity;
+        p.static_hertz_scale = 1;
+        p.max_push_speed = infinity;
+        return p;
+    }
+    p.acceleration = Acceleration::nesterov;
+    p.position_iterations = row.position_sweeps ? 30 : 0;
+    p.contact_warm_start = 1;
+    p.joint_warm_start = row.bias == Bias::soft ? 1 : 0;
+    p.contact_baumgarte = p.joint_baumgarte = 0.2;
+    p.contact_hertz = 30;
+    p.contact_damping_ratio = 10;
+    p.joint_hertz = 1e4;
+    p.joint_damping_ratio = 1;
+    p.hertz_limit = 0.25;
+    p.static_hertz_scale = 2;
+    p.max_push_speed = 3;
+    return p;
+}
+
+} // namespace cairn

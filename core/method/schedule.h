@@ -1,0 +1,73 @@
+// The methods as one schedule over shared stages (paper section 3.6, Figure 2). An executor says how a stage is run: over SIMD
+// lanes and threads, in one CUDA block, in a cooperative grid or as a graph of kernels. It has `frame`, each(stage);
+// traced(), called after every reduction: true if no island has anything left to do; and before_sweeps(), after_sweeps() and
+// substeps_done() to look on: energies, the warm-start cache.
+#pragma once
+#include "../scene/frame.h"
+#include "params.h"
+
+namespace cairn {
+
+struct Plan {
+    std::uint32_t substeps, iterations, position_iterations, relax_iterations, restitution_iterations;
+    bool bounces;     // some contact has restitution
+    bool constrained; // there is anything to sweep
+
+    // Sweeps of a substep: the iterations shared out evenly, the earlier ones taking what is left over.
+    std::uint32_t sweeps(std::uint32_t substep) const { return iterations / substeps + (substep < iterations % substeps ? 1 : 0); }
+};
+
+template <class Executor> void solve_velocities(Executor& run, Phase phase, std::uint32_t sweeps) {
+    auto& f = run.frame;
+    f.phase = phase;
+    if (phase == Phase::restitution)
+        f.reduces = true; // islands in which nothing bounces rest
+    run.each(Stage::begin);
+    run.each(Stage::build);
+    run.each(Stage::apply_start);
+    for (std::uint32_t i = 0; i < sweeps; ++i) {
+        f.last_sweep = i + 1 == sweeps;
+        run.each(Stage::sweep);
+        if (f.reduces)
+            run.each(Stage::reduce);
+        run.each(Stage::apply);
+        f.current ^= 1u;
+        if (f.reduces && run.traced())
+            break;
+    }
+}
+
+template <class Executor> void solve_positions(Executor& run, std::uint32_t sweeps) {
+    for (std::uint32_t i = 0; i < sweeps; ++i) {
+        run.each(Stage::position_sweep);
+        run.each(Stage::position_apply);
+    }
+}
+
+template <class Executor> void run_schedule(Executor& run, const Plan& plan) {
+    if (plan.bounces) {
+        run.each(Stage::approach);
+        run.each(Stage::bouncing);
+    }
+    for (std::uint32_t substep = 0; substep < plan.substeps; ++substep) {
+        run.each(Stage::forces);
+        run.before_sweeps();
+        if (plan.constrained)
+            solve_velocities(run, Phase::substep, plan.sweeps(substep));
+        run.after_sweeps();
+        run.each(Stage::integrate);
+        if (!plan.constrained)
+            continue;
+        solve_positions(run, plan.position_iterations);
+        if (plan.relax_iterations > 0)
+            solve_velocities(run, Phase::relax, plan.relax_iterations);
+        run.each(Stage::accumulate);
+    }
+    run.substeps_done();
+    if (plan.bounces) {
+        solve_velocities(run, Phase::restitution, plan.restitution_iterations);
+        run.each(Stage::accumulate);
+    }
+}
+
+} // namespace cairn

@@ -1,0 +1,295 @@
+// Contact points: non-penetration and Coulomb friction (paper eq. 6-9).
+//
+//   C = n . (x_b + r_b - x_a - r_a) >= 0,   J_n = [-n, -(a x n), n, b x n],   J_t likewise with t1, t2
+//
+// a and b are the arms to one common point, half way between the two surfaces: both bodies get +-P there, so that angular
+// momentum is conserved. n and the arms stay those of the step's start; C follows the bodies' displacements.
+//
+// A point is solved as a block with its split mass matrix D (paper eq. 19), never as a 3x3 solve that is clamped afterwards:
+//   lambda_n+ = max(0, lambda_n - (w_n + bias + gamma lambda_n) / (D_nn + gamma))
+//   lambda_t+ = disc of radius mu lambda_n+ around 0 of (lambda_t - (w_t + D_tn dlambda_n) / sigma),  sigma = lambda_max(D_tt)
+// Each line lowers the majoriser of the energy, so a sweep cannot overshoot.
+#pragma once
+#include "bodies.h"
+#include "soft.h"
+
+namespace cairn {
+inline namespace CAIRN_ISA {
+
+// Separation of a point at the bodies' present poses.
+inline Lane separation_of(const Real* cold, const Vec3<Lane>& n, const Pose<Lane>& pa, const Pose<Lane>& pb) {
+    const Vec3<Lane> anchor_a = turned_by(pa.turn, load3(cold + kAnchorA * kGroup)) * load_as<Lane>(cold + kTurnsA * kGroup);
+    const Vec3<Lane> anchor_b = turned_by(pb.turn, load3(cold + kAnchorB * kGroup)) * load_as<Lane>(cold + kTurnsB * kGroup);
+    return load_as<Lane>(cold + kSeparation * kGroup) + dot(n, (pb.shift - pa.shift) + (anchor_b - anchor_a));
+}
+
+struct PointGeometry {
+    Vec3<Lane> n, t1, t2, a, b;
+};
+inline PointGeometry load_point(const Real* hot) {
+    return {load3(hot + kNormal * kGroup), load3(hot + kTangent1 * kGroup), load3(hot + kTangent2 * kGroup), load3(hot + kArmA * kGroup),
+            load3(hot + kArmB * kGroup)};
+}
+inline Vec3<Lane> slip(const PointGeometry& p, const Motion<Lane>& a, const Motion<Lane>& b) {
+    return (b.linear + cross(b.angular, p.b)) - (a.linear + cross(a.angular, p.a));
+}
+
+// Approach speeds before external forces, where the point is to bounce: e (n . u), negative; else 0.
+inline void approach_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+    const Motion<Lane> va = gather_motion(f.velocity, f.lane_a + lane), vb = gather_motion(f.velocity, f.lane_b + lane);
+    Lane bounces = Lane(Real(0));
+    for (std::uint32_t p = 0; p < g.count; ++p) {
+        const Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
+        Real* cold = f.contact_cold + g.cold_offset + p * kContactColdFields * kGroup + sub;
+        const PointGeometry point = load_point(hot);
+        const Lane speed = dot(point.n, slip(point, va, vb));
+        const Lane target =
+            select(speed < Lane(-f.restitution_threshold), load_as<Lane>(cold + kRestitution * kGroup) * speed, Lane(Real(0)));
+        store(target, cold + kApproach * kGroup);
+        bounces = bounces - target;
+    }
+    store_partials(f, lane, Lane(Real(0)), bounces);
+}
+
+// Rows of the substep: D, bias, gamma; and the impulse that the sweeps start from.
+inline void build_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+    const Lane zero = Lane(Real(0)), h = Lane(f.h);
+    const Pose<Lane> pa = gather_pose(f.displacement, f.lane_a + lane), pb = gather_pose(f.displacement, f.lane_b + lane);
+    const Mass<Lane> ma = gather_mass(f, f.lane_a + lane), mb = gather_mass(f, f.lane_b + lane);
+    const Lane omega = select(load_as<Lane>(f.lane_static + lane) > zero, Lane(f.contact_omega_static), Lane(f.contact_omega));
+    const Lane zeta = Lane(f.contact_zeta);
+    const Lane rate = f.soft ? soft_rate(omega, zeta, h) : baumgarte_rate(Lane(f.contact_baumgarte), h);
+    const Lane compliance = soft_compliance(omega, zeta, h);
+    const bool rigid = !f.soft || f.phase != Phase::substep;
+    Vec3<Lane> push{zero, zero, zero}, turn_a = push, turn_b = push;
+    for (std::uint32_t p = 0; p < g.count; ++p) {
+        Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
+        Real* cold = f.contact_cold + g.cold_offset + p * kContactColdFields * kGroup + sub;
+        const PointGeometry q = load_point(hot);
+        const Vec3<Lane> an = cross(q.a, q.n), bn = cross(q.b, q.n);
+        const Lane ka = ma.between(q.n, an, q.n, an), kb = mb.between(q.n, bn, q.n, bn);
+        const Lane dnn = ma.n * ka + mb.n * kb;
+
+        const Lane c = separation_of(cold, q.n, pa, pb);
+        const auto apart = c > zero;
+        Lane bias = zero, gamma = zero;
+        if (f.phase == Phase::substep) {
+            if (!f.unbiased)
+                bias = maximum(c * rate, Lane(-f.push_speed));
+            if (!rigid)
+                gamma = select(apart, zero, (ka + kb) * compliance);
+        }
+        bias = select(apart, c / h, bias);
+        if (f.phase == Phase::restitution) {
+            const Lane target = load_as<Lane>(cold + kApproach * kGroup);
+            const auto bounces = (target < zero) && (load_as<Lane>(cold + kTotal * kGroup) > zero);
+            bias = select(bounces, target, bias);
+        }
+        store(bias, hot + kBias * kGroup);
+        store(gamma, hot + kGamma * kGroup);
+        store(dnn + gamma, hot + kDnn * kGroup);
+        store(inverse_or_zero(dnn + gamma), hot + kInverseN * kGroup);
+        if (g.friction) {
+            const Vec3<Lane> a1 = cross(q.a, q.t1), a2 = cross(q.a, q.t2), b1 = cross(q.b, q.t1), b2 = cross(q.b, q.t2);
+            const Lane d11 = ma.n * ma.between(q.t1, a1, q.t1, a1) + mb.n * mb.between(q.t1, b1, q.t1, b1);
+            const Lane d22 = ma.n * ma.between(q.t2, a2, q.t2, a2) + mb.n * mb.between(q.t2, b2, q.t2, b2);
+            const Lane d12 = ma.n * ma.between(q.t1, a1, q.t2, a2) + mb.n * mb.between(q.t1, b1, q.t2, b2);
+            store(ma.n * ma.between(q.t1, a1, q.n, an) + mb.n * mb.between(q.t1, b1, q.n, bn), hot + kDn1 * kGroup);
+            store(ma.n * ma.between(q.t2, a2, q.n, an) + mb.n * mb.between(q.t2, b2, q.n, bn), hot + kDn2 * kGroup);
+            const Lane half = (d11 - d22) * Lane(Real(0.5));
+            const Lane sigma = (d11 + d22) * Lane(Real(0.5)) + root(half * half + d12 * d12);
+            const Lane dt1 = f.pyramid ? d11 : sigma, dt2 = f.pyramid ? d22 : sigma;
+            store(dt1, hot + kDt1 * kGroup);
+            store(dt2, hot + kDt2 * kGroup);
+            store(inverse_or_zero(dt1), hot + kInverseT1 * kGroup);
+            store(inverse_or_zero(dt2), hot + kInverseT2 * kGroup);
+            store(d12, hot + kDt12 * kGroup);
+        }
+
+        // both buffers of lambda hold the start; in later phases the sweeps go on from where they were
+        Vec3<Lane> start = load3(hot + (kLambda + 3 * f.current) * kGroup);
+        if (f.phase == Phase::substep)
+            start = start * Lane(f.warm ? f.contact_warm : Real(0));
+        if (f.phase == Phase::substep && f.warm && g.friction) {
+            const Lane bound = load_as<Lane>(hot + kFriction * kGroup) * start.x, size = root(start.y * start.y + start.z * start.z);
+            const Lane scale = select(size > bound, bound * inverse_or_zero(size), Lane(Real(1)));
+            start.y = start.y * scale;
+            start.z = start.z * scale;
+        }
+        store3(start, hot + kLambda * kGroup);
+        store3(start, hot + (kLambda + 3) * kGroup);
+        if (f.phase == Phase::restitution)
+            store3(load3(cold + kTotal * kGroup) - start, cold + kTotal * kGroup);
+        const Vec3<Lane> impulse = q.n * start.x + q.t1 * start.y + q.t2 * start.z;
+        push = push + impulse;
+        turn_a = turn_a + cross(q.a, impulse);
+        turn_b = turn_b + cross(q.b, impulse);
+    }
+    if (f.warm && f.phase == Phase::substep)
+        scatter_impulse(f, lane, -push, -turn_a, push, turn_b);
+}
+
+// New friction impulse from the old one y and its residual w. The pyramid takes the second row after the first.
+template <bool kPyramid>
+void step_friction(const Real* hot, const Lane& bound, const Lane& y1, const Lane& y2, const Lane& w1, const Lane& w2, Lane& l1, Lane& l2) {
+    l1 = y1 - w1 * load_as<Lane>(hot + kInverseT1 * kGroup);
+    if constexpr (kPyramid) {
+        l1 = clamp(l1, -bound, bound);
+        const Lane w = w2 + load_as<Lane>(hot + kDt12 * kGroup) * (l1 - y1);
+        l2 = clamp(y2 - w * load_as<Lane>(hot + kInverseT2 * kGroup), -bound, bound);
+    } else {
+        l2 = y2 - w2 * load_as<Lane>(hot + kInverseT2 * kGroup);
+        const Lane size = l1 * l1 + l2 * l2;
+        const auto outside = size > bound * bound;
+        const Lane scale = select(outside, bound / root(select(outside, size, Lane(Real(1)))), Lane(Real(1)));
+        l1 = l1 * scale;
+        l2 = l2 * scale;
+    }
+}
+
+// One sweep over the manifolds of a group. Point blocks all see the velocities of the sweep's start; a manifold block is one
+// inner Gauss-Seidel sweep on local velocities that move with the split mass n M^-1 (with the whole mass it would oscillate).
+template <bool kManifold, bool kFrictional, bool kPyramid, bool kReduces>
+void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+    const Lane zero = Lane(Real(0));
+    Motion<Lane> va = gather_motion(f.velocity, f.lane_a + lane), vb = gather_motion(f.velocity, f.lane_b + lane);
+    const Lane beta = maximum(va.beta, vb.beta);
+    const auto active = maximum(va.active, vb.active) > zero;
+    Mass<Lane> ma, mb;
+    if constexpr (kManifold) {
+        ma = gather_mass(f, f.lane_a + lane);
+        mb = gather_mass(f, f.lane_b + lane);
+    }
+    Vec3<Lane> push{zero, zero, zero}, turn_a = push, turn_b = push;
+    Lane restart = zero, residual = zero;
+    const std::uint32_t now = kLambda + 3 * f.current, before = kLambda + 3 * (1 - f.current);
+    for (std::uint32_t p = 0; p < g.count; ++p) {
+        Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
+        const PointGeometry q = load_point(hot);
+        Vec3<Lane> u = slip(q, va, vb);
+
+        const Lane xn = load_as<Lane>(hot + now * kGroup);
+        const Lane yn = kReduces ? xn + beta * (xn - load_as<Lane>(hot + before * kGroup)) : xn;
+        const Lane wn = dot(q.n, u) + load_as<Lane>(hot + kBias * kGroup) + load_as<Lane>(hot + kGamma * kGroup) * yn;
+        Lane ln = maximum(zero, yn - wn * load_as<Lane>(hot + kInverseN * kGroup));
+        if constexpr (kReduces)
+            ln = select(active, ln, xn);
+        const Lane dn = ln - yn;
+        store(ln, hot + before * kGroup);
+        if constexpr (kReduces) {
+            const Lane d = load_as<Lane>(hot + kDnn * kGroup) * dn;
+            restart = restart - d * (ln - xn);
+            residual = residual + d * dn;
+        }
+        Vec3<Lane> impulse = q.n * dn;
+
+        if constexpr (kFrictional) {
+            if constexpr (kManifold) {
+                va.linear = va.linear - times(ma.linear, impulse) * ma.n;
+                va.angular = va.angular - ma.angular * cross(q.a, impulse) * ma.n;
+                vb.linear = vb.linear + times(mb.linear, impulse) * mb.n;
+                vb.angular = vb.angular + mb.angular * cross(q.b, impulse) * mb.n;
+                u = slip(q, va, vb);
+            }
+            const Lane x1 = load_as<Lane>(hot + (now + 1) * kGroup), x2 = load_as<Lane>(hot + (now + 2) * kGroup);
+            const Lane y1 = kReduces ? x1 + beta * (x1 - load_as<Lane>(hot + (before + 1) * kGroup)) : x1;
+            const Lane y2 = kReduces ? x2 + beta * (x2 - load_as<Lane>(hot + (before + 2) * kGroup)) : x2;
+            Lane w1 = dot(q.t1, u), w2 = dot(q.t2, u);
+            if constexpr (!kManifold) {
+                w1 = w1 + load_as<Lane>(hot + kDn1 * kGroup) * dn;
+                w2 = w2 + load_as<Lane>(hot + kDn2 * kGroup) * dn;
+            }
+            Lane l1, l2;
+            step_friction<kPyramid>(hot, load_as<Lane>(hot + kFriction * kGroup) * ln, y1, y2, w1, w2, l1, l2);
+            if constexpr (kReduces) {
+                l1 = select(active, l1, x1);
+                l2 = select(active, l2, x2);
+            }
+            const Lane d1 = l1 - y1, d2 = l2 - y2;
+            store(l1, hot + (before + 1) * kGroup);
+            store(l2, hot + (before + 2) * kGroup);
+            if constexpr (kReduces) {
+                const Lane e1 = load_as<Lane>(hot + kDt1 * kGroup) * d1, e2 = load_as<Lane>(hot + kDt2 * kGroup) * d2;
+                restart = restart - (e1 * (l1 - x1) + e2 * (l2 - x2));
+                residual = residual + (e1 * d1 + e2 * d2);
+            }
+            const Vec3<Lane> friction = q.t1 * d1 + q.t2 * d2;
+            if constexpr (kManifold) {
+                va.linear = va.linear - times(ma.linear, friction) * ma.n;
+                va.angular = va.angular - ma.angular * cross(q.a, friction) * ma.n;
+                vb.linear = vb.linear + times(mb.linear, friction) * mb.n;
+                vb.angular = vb.angular + mb.angular * cross(q.b, friction) * mb.n;
+            }
+            impulse = impulse + friction;
+        } else if constexpr (kManifold) {
+            va.linear = va.linear - times(ma.linear, impulse) * ma.n;
+            va.angular = va.angular - ma.angular * cross(q.a, impulse) * ma.n;
+            vb.linear = vb.linear + times(mb.linear, impulse) * mb.n;
+            vb.angular = vb.angular + mb.angular * cross(q.b, impulse) * mb.n;
+        }
+        push = push + impulse;
+        turn_a = turn_a + cross(q.a, impulse);
+        turn_b = turn_b + cross(q.b, impulse);
+    }
+    scatter_impulse(f, lane, -push, -turn_a, push, turn_b);
+    if constexpr (kReduces)
+        store_partials(f, lane, restart, residual);
+}
+
+template <bool kManifold, bool kReduces> void sweep_contacts_of(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+    if (!g.friction)
+        return sweep_contacts<kManifold, false, false, kReduces>(f, g, lane, sub);
+    if (f.pyramid)
+        return sweep_contacts<kManifold, true, true, kReduces>(f, g, lane, sub);
+    sweep_contacts<kManifold, true, false, kReduces>(f, g, lane, sub);
+}
+inline void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+    if (f.manifold_blocks)
+        return f.reduces ? sweep_contacts_of<true, true>(f, g, lane, sub) : sweep_contacts_of<true, false>(f, g, lane, sub);
+    f.reduces ? sweep_contacts_of<false, true>(f, g, lane, sub) : sweep_contacts_of<false, false>(f, g, lane, sub);
+}
+
+// Nonlinear Jacobi (paper eq. 23, 24): where C < 0, a displacement M^-1 J^T dlambda with dlambda = -C / D_nn.
+inline void position_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+    const Lane zero = Lane(Real(0));
+    Pose<Lane> pa = gather_pose(f.displacement, f.lane_a + lane), pb = gather_pose(f.displacement, f.lane_b + lane);
+    const Mass<Lane> ma = gather_mass(f, f.lane_a + lane), mb = gather_mass(f, f.lane_b + lane);
+    Vec3<Lane> push{zero, zero, zero}, turn_a = push, turn_b = push;
+    // how far the points before it in the same manifold block move this one, with the split mass
+    Vec3<Lane> shift_a = push, shift_b = push, spin_a = push, spin_b = push;
+    for (std::uint32_t p = 0; p < g.count; ++p) {
+        const Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
+        const Real* cold = f.contact_cold + g.cold_offset + p * kContactColdFields * kGroup + sub;
+        const PointGeometry q = load_point(hot);
+        const Vec3<Lane> an = cross(q.a, q.n), bn = cross(q.b, q.n);
+        const Lane d = ma.n * ma.between(q.n, an, q.n, an) + mb.n * mb.between(q.n, bn, q.n, bn);
+        Lane c = separation_of(cold, q.n, pa, pb);
+        if (f.manifold_blocks)
+            c = c + (dot(q.n, shift_b - shift_a) + (dot(bn, spin_b) - dot(an, spin_a)));
+        const Vec3<Lane> impulse = q.n * select(c < zero, -c * inverse_or_zero(d), zero);
+        const Vec3<Lane> on_a = cross(q.a, impulse), on_b = cross(q.b, impulse);
+        if (f.manifold_blocks) {
+            shift_a = shift_a - times(ma.linear, impulse) * ma.n;
+            spin_a = spin_a - ma.angular * on_a * ma.n;
+            shift_b = shift_b + times(mb.linear, impulse) * mb.n;
+            spin_b = spin_b + mb.angular * on_b * mb.n;
+        }
+        push = push + impulse;
+        turn_a = turn_a + on_a;
+        turn_b = turn_b + on_b;
+    }
+    scatter_impulse(f, lane, -push, -turn_a, push, turn_b);
+}
+
+// Impulses of the step: + lambda after a substep. The restitution phase goes on from the last substep's lambda, which
+// build_contacts then takes out again.
+inline void accumulate_contacts(const Frame<Real>& f, const Group& g, std::uint32_t sub) {
+    for (std::uint32_t p = 0; p < g.count; ++p) {
+        const Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
+        Real* total = f.contact_cold + g.cold_offset + (p * kContactColdFields + kTotal) * kGroup + sub;
+        store3(load3(total) + load3(hot + (kLambda + 3 * f.current) * kGroup), total);
+    }
+}
+
+} // namespace CAIRN_ISA
+} // namespace cairn

@@ -1,0 +1,197 @@
+// Everything that the stages of a step work on, as plain pointers: the same struct goes to a CPU thread and to a GPU kernel.
+//
+// Bodies are rows of eight numbers, because constraints reach them by index and a row is one cache line's half:
+//   velocity      vx vy vz beta | wx wy wz active     where the next sweep looks (Nesterov's y); beta, active: its island's
+//   displacement  dx dy dz 0    | qx qy qz qw         since the step's start; far from the origin nothing is lost
+//   mass          1/m x y z, n  | Ixx Iyy Izz movable  inverse, factors applied; n: blocks that share the body (eq. 19)
+//   mass_cross    Ixy Ixz Iyz ...
+// Row body_count is the world. Constraints are structures of arrays in groups of kGroup lanes, [field][lane]; a group holds
+// blocks of one shape (manifolds of as many points, joints of one kind), so that no lane idles. A block writes the impulse
+// it gives to each of its two bodies into a slot of its own; the slots of a body are adjacent, in the order of the input.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+
+namespace cairn {
+
+constexpr std::uint32_t kGroup = 16;
+constexpr std::uint32_t kPoints = 4; // of a manifold
+constexpr std::uint32_t kRawRows = 6;
+
+// What the rows of a substep are for.
+enum class Phase : std::uint32_t { substep, relax, restitution };
+
+// Fields of a contact point, swept. n, t1, t2: directions; a, b: arms of the common point of application.
+enum ContactField : std::uint32_t {
+    kNormal = 0,
+    kTangent1 = 3,
+    kTangent2 = 6,
+    kArmA = 9,
+    kArmB = 12,
+    kInverseN = 15, // 1/(D_nn + gamma)
+    kDn1,
+    kDn2, // D's coupling of normal and tangents
+    kInverseT1,
+    kInverseT2,
+    kDt12, // cone: 1/sigma twice, sigma = lambda_max(D_tt); pyramid: 1/D_11, 1/D_22 and D_12
+    kBias,
+    kGamma,
+    kFriction,
+    kDnn,
+    kDt1,
+    kDt2,    // the majoriser's diagonal, for restart and residual
+    kLambda, // two buffers of three: normal, tangent 1, tangent 2
+    kContactFields = kLambda + 6,
+};
+// Fields read once a substep or less.
+enum ContactColdField : std::uint32_t {
+    kSeparation = 0,
+    kAnchorA = 1,
+    kAnchorB = 4,
+    kTurnsA = 7,
+    kTurnsB, // kTurns: 0 where the side is round
+    kRestitution,
+    kApproach,
+    kTotal,
+    kContactColdFields = kTotal + 3,
+};
+
+// Joints: axes 0-2 translate, 3-5 rotate.
+enum JointField : std::uint32_t {
+    kLinear = 0,  // three directions
+    kAngular = 9, // three directions
+    kJointArmA = 18,
+    kJointArmB = 21,
+    kJointBias = 24,
+    kJointGamma = 30,
+    kFactor = 36,   // LDL^T of the locked axes' block: 15 of L, row by row
+    kPivot = 51,    // 6 inverse pivots, 0 for axes that are not locked
+    kBlock = 57,    // D, 21: row by row, lower triangle; only where some axis is limited or driven
+    kInverseD = 78, // 6: 1/(D_ii + gamma_i) of limited axes, else 0
+    kLow = 84,
+    kHigh = 90, // bounds of limited axes
+    kMotorInverse = 96,
+    kMotorSpeed = 102,
+    kMotorBound = 108,
+    kJointLambda = 114, // two buffers of twelve: axes, motors
+    kJointFields = kJointLambda + 24,
+};
+enum JointColdField : std::uint32_t {
+    kStartArmA = 0,
+    kStartArmB = 3,
+    kStartFrameA = 6,
+    kStartFrameB = 10,
+    kStartGap = 14,
+    kIsLocked = 17,
+    kIsLimited = 23,
+    kIsDriven = 29,
+    kLowerLimit = 35,
+    kUpperLimit = 41,
+    kSpeed = 47,
+    kForce = 53,
+    kJointTotal = 59,
+    kJointColdFields = kJointTotal + 12,
+};
+// How a group of joints measures rotation.
+enum class Rotation : std::uint32_t { none, locked, about_x, about_y, about_z, cardan };
+
+// Fields of a raw row.
+enum RawField : std::uint32_t {
+    kJacobianA = 0,
+    kJacobianB = 6,
+    kRhs = 12,
+    kRawLow,
+    kRawHigh,
+    kRawGamma,
+    kRawInverse,
+    kRawD,
+    kRawFriction,
+    kFrictionSource, // row of the block whose impulse bounds this one, -1: none
+    kPairFirst,
+    kPairSecond, // two friction rows with one source share a disc
+    kRawLambda,
+    kRawTotal = kRawLambda + 2,
+    kRawFields,
+};
+
+struct Group {
+    std::size_t offset = 0; // of its first field in the kind's array, in numbers
+    std::size_t cold_offset = 0;
+    std::uint32_t count = 0; // points of each manifold, rows of each raw block, 1 for joints
+    Rotation rotation = Rotation::none;
+    bool friction = false; // contacts: some lane has friction
+    bool bounded = false;  // joints: some lane has a limited or driven axis
+};
+
+// What never changes in a step, a body. Only stages that visit each body once a substep read it.
+template <class S> struct BodyConstants {
+    S orientation[4];
+    S inverse_inertia[3]; // principal
+    S inverse_mass[3];    // with factors
+    S angular_factor[3];
+    S acceleration[3], torque[3];
+    S mass;                              // 1/inverse mass, for the energy; 0 if it has none
+    bool movable, gyroscopic, full_turn; // full_turn: angular factors are all 1
+};
+
+// One island's state of the iteration.
+template <class S> struct Control {
+    S t, beta, active, residual; // Nesterov's t and momentum; 1 or 0; squared residual of the last sweep
+    std::uint32_t iterations;
+};
+
+template <class S> struct Frame {
+    // sizes
+    std::uint32_t body_count, movable_count, moving_count, island_count;
+    std::uint32_t contact_groups, joint_groups, raw_groups;
+    // bodies
+    S *velocity, *iterate, *displacement, *mass, *mass_cross; // iterate: velocity of lambda itself (Nesterov's x)
+    const BodyConstants<S>* body;
+    const std::uint32_t* moving; // movable bodies, then kinematic ones
+    const std::uint32_t* body_island;
+    const std::uint32_t* slot_begin; // [body_count + 1]
+    S* slots;
+    std::uint32_t* rotation_clamped; // per body
+    // constraints: per group
+    const Group *contact_group, *joint_group, *raw_group;
+    S *contact, *contact_cold, *joint, *joint_cold, *raw;
+    // per lane, contacts first, then joints, then raw blocks
+    const std::int32_t *lane_a, *lane_b, *slot_a, *slot_b;
+    const std::uint32_t* lane_partial; // where the lane's share of its island's sums goes
+    const S* lane_static;              // 1: one side cannot move
+    S *partial_restart, *partial_residual;
+    // islands
+    const std::uint32_t* island_begin; // [island_count + 1], into the partial sums
+    std::uint8_t* island_bounces;
+    Control<S>* control;
+    // the substep
+    S h, dt, gravity[3];
+    std::uint32_t current; // lambda's buffer that holds x; the other holds the x before
+    Phase phase;
+    bool warm, momentum, reduces, last_sweep, manifold_blocks, pyramid;
+    // parameters
+    bool soft, unbiased; // the method's bias: soft, none, or else Baumgarte
+    S contact_warm, joint_warm, contact_baumgarte, joint_baumgarte, contact_omega, contact_omega_static, contact_zeta;
+    S joint_omega, joint_zeta, push_speed, restitution_threshold, tolerance;
+};
+
+// What an executor runs; each is a loop without order over groups, bodies or islands.
+enum class Stage : std::uint32_t {
+    approach,       // groups: approach speeds, for restitution
+    bouncing,       // islands: does any contact bounce
+    forces,         // bodies: external forces; inertia of the pose
+    build,          // groups: rows, effective masses, warm start
+    begin,          // islands: control records
+    apply_start,    // bodies: the warm start's impulses; momentum starts afresh
+    sweep,          // groups
+    reduce,         // islands
+    apply,          // bodies: gather the sweep's impulses
+    integrate,      // bodies: poses
+    position_sweep, // groups
+    position_apply, // bodies
+    accumulate,     // groups: impulses of the substep into those of the step
+};
+
+template <class S> using RunStage = void (*)(Stage, const Frame<S>&, std::uint32_t begin, std::uint32_t end);
+
+} // namespace cairn

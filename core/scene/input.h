@@ -1,0 +1,93 @@
+// What a step gets and gives: columns over the caller's arrays, already checked by capi.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+namespace cairn {
+
+enum class Type : std::uint32_t { f32, f64, i32, u32, u64 }; // the values of CAIRN_F32 ...
+
+constexpr std::size_t size_of(Type type) { return type == Type::f64 || type == Type::u64 ? 8 : 4; }
+
+// A field of a table: `real(i, c)` is component c of element i.
+struct Column {
+    const std::byte* data = nullptr;
+    std::ptrdiff_t stride = 0; // bytes, never 0 where data is set
+    Type type = Type::f64;
+
+    bool present() const { return data != nullptr; }
+    double real(std::size_t i, std::size_t c = 0) const {
+        return type == Type::f32 ? static_cast<double>(load<float>(i, c)) : load<double>(i, c);
+    }
+    std::int64_t integer(std::size_t i, std::size_t c = 0) const {
+        return type == Type::i32 ? static_cast<std::int64_t>(load<std::int32_t>(i, c))
+                                 : static_cast<std::int64_t>(load<std::uint32_t>(i, c));
+    }
+    std::uint64_t key(std::size_t i) const { return load<std::uint64_t>(i, 0); }
+
+  private:
+    template <class T> T load(std::size_t i, std::size_t c) const {
+        T value;
+        std::memcpy(&value, data + static_cast<std::ptrdiff_t>(i) * stride + static_cast<std::ptrdiff_t>(c * sizeof(T)), sizeof value);
+        return value;
+    }
+};
+
+struct MutableColumn {
+    std::byte* data = nullptr;
+    std::ptrdiff_t stride = 0;
+    Type type = Type::f64;
+
+    bool present() const { return data != nullptr; }
+    void set(std::size_t i, std::size_t c, double value) const {
+        std::byte* at = data + static_cast<std::ptrdiff_t>(i) * stride + static_cast<std::ptrdiff_t>(c * size_of(type));
+        if (type == Type::f32) {
+            const float narrow = static_cast<float>(value);
+            std::memcpy(at, &narrow, sizeof narrow);
+        } else {
+            std::memcpy(at, &value, sizeof value);
+        }
+    }
+};
+
+struct BodyColumns {
+    std::size_t count = 0;
+    std::uint64_t revision = 0;
+    Column position, orientation, linear_velocity, angular_velocity, inverse_mass, inverse_inertia;
+    Column force, torque, linear_factor, angular_factor, flags;
+};
+
+struct ContactColumns {
+    std::size_t count = 0;
+    std::uint64_t revision = 0;
+    Column body_a, body_b, normal, arm_a, arm_b, separation, friction, restitution, tangent, key, flags;
+};
+
+struct JointColumns {
+    std::size_t count = 0;
+    std::uint64_t revision = 0;
+    Column body_a, body_b, anchor_a, anchor_b, frame_a, frame_b, axes, lower, upper, motor_speed, motor_force, key;
+};
+
+struct RowColumns {
+    std::size_t count = 0;
+    std::uint64_t revision = 0;
+    Column body_a, body_b, jacobian_a, jacobian_b, rhs, lower, upper, compliance, friction_index, friction, block, key;
+};
+
+struct Input {
+    double dt = 0;
+    double gravity[3] = {0, 0, 0};
+    BodyColumns bodies;
+    ContactColumns contacts;
+    JointColumns joints;
+    RowColumns rows;
+};
+
+struct Output {
+    MutableColumn position, orientation, linear_velocity, angular_velocity;
+    MutableColumn contact_impulse, friction_impulse, joint_impulse, row_impulse;
+};
+
+} // namespace cairn

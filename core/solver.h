@@ -1,0 +1,72 @@
+// The solver: keeps what outlives a step (warm-start cache, threads, buffers) and runs steps.
+#pragma once
+#include "method/params.h"
+#include "scene/input.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace cairn {
+
+enum class Isa : std::uint32_t { automatic, scalar, sse2, avx2, avx512 };
+
+// The hooks are cairn_config's.
+struct Hooks {
+    void* user = nullptr;
+    void (*log)(void*, std::int32_t, const char*) = nullptr;
+    void (*parallel_for)(void*, std::uint32_t, void (*)(void*, std::uint32_t), void*) = nullptr;
+    void* (*allocate)(void*, std::size_t, std::size_t) = nullptr;
+    void (*release)(void*, void*, std::size_t, std::size_t) = nullptr;
+};
+
+struct Config {
+    std::uint32_t threads = 0; // 0: as many as the process may use
+    Isa isa = Isa::automatic;
+    bool double_precision = false;
+    Hooks hooks;
+};
+
+struct Statistics {
+    std::uint32_t bodies = 0, contacts = 0, manifolds = 0, joints = 0, rows = 0, islands = 0, substeps = 0, iterations = 0;
+    std::uint32_t position_iterations = 0, relax_iterations = 0, restitution_iterations = 0, warm_started = 0, rotation_clamped = 0;
+    std::uint32_t threads = 0;
+    Isa isa = Isa::scalar;
+    double time_total = 0, time_pack = 0, time_build = 0, time_sweep = 0, time_position = 0, time_integrate = 0, time_finish = 0;
+    double kinetic_energy_change = 0, residual = 0;
+};
+
+// The solve left the range of numbers: what() names the body. Nothing was written.
+struct NotFinite : std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+// An instruction set that the processor lacks.
+struct Unsupported : std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+class Solver {
+  public:
+    virtual ~Solver() = default;
+    // Throws Unsupported, std::bad_alloc.
+    static std::unique_ptr<Solver> create(const Config& config);
+    static Isa widest();
+
+    Params params;
+
+    // Input and params must have been checked. Throws NotFinite, std::bad_alloc; then nothing was written or changed.
+    virtual void step(const Input& input, const Output& output) = 0;
+    virtual const Statistics& statistics() const = 0;
+    virtual std::span<const double> residual_trace() const = 0;
+    virtual std::span<const std::uint32_t> split_counts() const = 0;
+    virtual void reset() = 0;
+    virtual std::vector<std::byte> save_cache() const = 0;
+    // Throws std::invalid_argument with what is wrong; then nothing was changed.
+    virtual void load_cache(std::span<const std::byte> bytes) = 0;
+};
+
+} // namespace cairn
