@@ -1,0 +1,40 @@
+"""Cairn: a rigid-body constraint solver for physics engines that already exist.
+
+    >>> import numpy as np, cairn
+    >>> solver = cairn.Solver("tjsoft", iterations=40, substeps=4)
+    >>> ball = cairn.Bodies(
+    ...     position=np.zeros((1, 3)), orientation=np.array([[0.0, 0, 0, 1]]),
+    ...     linear_velocity=np.zeros((1, 3)), angular_velocity=np.zeros((1, 3)),
+    ...     inverse_mass=np.ones(1), inverse_inertia=np.ones((1, 3)))
+    >>> solver.step(1 / 60, ball, out=ball).linear_velocity
+    array([[ 0.    , -0.1635,  0.    ]])
+
+`cairn.Solver` is the library itself; `cairn.scenes`, `cairn.bullet`, `cairn.run`, `cairn.metrics` and `cairn.charts`
+run and judge whole scenes. The command line is `cairn --help`.
+"""
+
+from .solver import METHODS, PRESETS, Error, Params, Solver, info, joint_axes, preset
+from .tables import (
+    AT_END_POSE,
+    DRIVEN,
+    FREE,
+    LIMITED,
+    LOCKED,
+    NO_GYROSCOPIC,
+    ROUND_A,
+    ROUND_B,
+    WORLD,
+    Bodies,
+    Contacts,
+    Joints,
+    Results,
+    Rows,
+)
+
+__version__ = str(info()["version"])
+
+__all__ = [
+    "AT_END_POSE", "DRIVEN", "FREE", "LIMITED", "LOCKED", "METHODS", "NO_GYROSCOPIC", "PRESETS", "ROUND_A", "ROUND_B",
+    "WORLD", "Bodies", "Contacts", "Error", "Joints", "Params", "Results", "Rows", "Solver", "info", "joint_axes",
+    "preset",
+]  # fmt: skip

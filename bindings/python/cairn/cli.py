@@ -1,0 +1,325 @@
+"""The command line `cairn`: run scenes and compare methods."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Callable
+
+from tabulate import tabulate
+from tqdm import tqdm
+
+from . import __version__, scenes
+from . import summary as summaries
+from .run import METHODS, STOCK, Recording, build_text, check_method, run, split_settings
+from .solver import PRESETS, Error, ParamValue, info, preset
+
+ABOUT = {
+    "pj": "projected Jacobi, Baumgarte bias",
+    "pjnj": "projected Jacobi without bias, then nonlinear Jacobi on positions",
+    "pjsoft": "projected Jacobi, soft constraints",
+    "tj": "substeps of pj",
+    "tjsoft": "substeps of pjsoft",
+    "stock": "Bullet's own projected Gauss-Seidel",
+    "stock-substeps": "the same through stepSimulation(dt, n, dt / n)",
+}
+_REPLAY_SAMPLES = 600  # poses of a replay: enough for ten seconds at sixty a second
+
+
+class UsageError(Exception):
+    """What was asked for cannot be: exit status 2."""
+
+
+def _setting(text: str) -> tuple[str, ParamValue]:
+    name, equals, value = text.partition("=")
+    if not equals or not name or not value:
+        raise argparse.ArgumentTypeError(f"'{text}' is not of the form name=value")
+    try:
+        return name, int(value)
+    except ValueError:
+        pass
+    try:
+        return name, float(value)
+    except ValueError:
+        return name, value
+
+
+def _positive(text: str) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number of at least 1")
+    return value
+
+
+def _count(text: str) -> int:
+    return 0 if text == "0" else _positive(text)
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a positive number of seconds")
+    return value
+
+
+def _checked_scene(name: str) -> str:
+    if name not in scenes.SCENES:
+        raise UsageError(f"no scene is called '{name}'; there are {', '.join(scenes.SCENES)}")
+    return name
+
+
+def _split(arguments: argparse.Namespace, method: str) -> dict[str, ParamValue]:
+    settings = dict(arguments.set)
+    try:
+        check_method(method)
+        split_settings(arguments.scene, method, settings)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    return settings
+
+
+def _record(arguments: argparse.Namespace, method: str, **options: Any) -> Recording:
+    """Runs with a progress bar, on a terminal and if it takes longer than two seconds."""
+    settings = _split(arguments, method)
+    frames = arguments.frames or scenes.SCENES[arguments.scene]().frames
+    label = f"{arguments.scene} {method}"
+    with tqdm(total=frames, desc=label, unit="frame", delay=2, disable=None, leave=False) as bar:
+
+        def progress(done: int) -> None:
+            bar.update(done - bar.n)
+
+        try:
+            return run(
+                arguments.scene,
+                method,
+                iterations=arguments.iterations,
+                frames=frames,
+                dt=arguments.dt,
+                threads=arguments.threads,
+                settings=settings,
+                progress=progress,
+                **options,
+            )
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+
+
+def _write_json(value: object, target: str) -> None:
+    text = json.dumps(value, indent=2, allow_nan=False) + "\n"
+    if target == "-":
+        sys.stdout.write(text)
+    else:
+        Path(target).write_text(text, encoding="utf-8")
+
+
+def _command_scenes(_: argparse.Namespace) -> None:
+    rows = []
+    for name in scenes.SCENES:
+        scene = scenes.build(name)
+        sizes = ", ".join(f"{key}={value:g}" for key, value in scene.settings.items())
+        rows.append([name, f"{scene.why}\nfailure shows as {scene.failure}; --set {sizes}"])
+    print(tabulate(rows, tablefmt="plain", maxcolwidths=[None, 96]))
+
+
+def _command_methods(_: argparse.Namespace) -> None:
+    rows = []
+    for method in METHODS:
+        plans = []
+        for name in () if method in STOCK else PRESETS:
+            values = preset(method, name)
+            plan = f"{values['iterations']} iterations"
+            if int(values["substeps"]) > 1:
+                plan += f" in {values['substeps']} substeps"
+            if values["position_iterations"]:
+                plan += f" and {values['position_iterations']} of positions"
+            plans.append(plan)
+        rows.append([method, ABOUT[method], *(plans or ["-", "-"])])
+    print(tabulate(rows, headers=["method", "what it is", *(f"preset {name}" for name in PRESETS)], tablefmt="simple"))
+
+
+def _command_info(_: argparse.Namespace) -> None:
+    facts = {**info(), "build": build_text()}
+    print(tabulate(facts.items(), tablefmt="plain", disable_numparse=True))
+
+
+def _command_run(arguments: argparse.Namespace) -> None:
+    _checked_scene(arguments.scene)
+    frames = arguments.frames or scenes.SCENES[arguments.scene]().frames
+    every = max(1, frames // _REPLAY_SAMPLES) if arguments.replay else 0
+    recording = _record(
+        arguments,
+        arguments.method,
+        preset=arguments.preset,
+        position_iterations=arguments.position_iterations,
+        substeps=arguments.substeps,
+        keep_poses_every=every,
+    )
+    if arguments.replay:
+        from . import replay  # only here: the viewer takes a while to load
+
+        replay.save(arguments.replay, [replay.Take(arguments.method, recording.scene, recording)])
+    if arguments.json:
+        _write_json(recording.summary, arguments.json)
+    if arguments.json != "-":
+        print(tabulate([[key, _shown(value)] for key, value in recording.summary.items()], tablefmt="plain"))
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return "-" if value is None else str(value)
+
+
+# Columns of `compare`: heading, key, factor.
+_COLUMNS = [
+    ("solver\nms", "solver_ms_median", 1.0),
+    ("step\nms", "step_ms_median", 1.0),
+    ("penetration\nmm", "max_penetration_m", 1e3),
+    ("drift\nmm", "max_drift_m", 1e3),
+    ("joint error\nmm", "max_joint_error_m", 1e3),
+    ("separation\nm/s", "max_separation_speed_m_s", 1.0),
+    ("energy\nJ", "energy_change_J", 1.0),
+    ("fell at\nframe", "collapsed_at_frame", 1.0),
+]
+
+
+def _command_compare(arguments: argparse.Namespace) -> None:
+    _checked_scene(arguments.scene)
+    methods = [name.strip() for name in arguments.methods.split(",") if name.strip()]
+    if not methods:
+        raise UsageError(f"--methods names none; there are {', '.join(METHODS)}")
+    settings = dict(arguments.set)
+    for method in methods:  # all are checked before the first, which may take minutes, is run
+        _split(arguments, method)
+    found = []
+    for method in methods:
+        ours = method not in STOCK
+        recording = _record(
+            arguments,
+            method,
+            preset=arguments.preset if ours else None,
+            position_iterations=arguments.position_iterations if method == "pjnj" else None,
+            substeps=arguments.substeps if method in ("tj", "tjsoft", "stock-substeps") else None,
+            trace_frame=None,
+        )
+        found.append(recording.summary)
+    if arguments.json:
+        _write_json(found, arguments.json)
+    if arguments.json == "-":
+        return
+    columns = [column for column in _COLUMNS if any(one[column[1]] is not None for one in found)]
+    rows = []
+    for one in found:
+        plan = f"{one['substeps']}x{one['iterations'] // one['substeps']}" if one["substeps"] > 1 else one["iterations"]
+        values = ["-" if one[key] is None else f"{one[key] * factor:.3g}" for _, key, factor in columns]
+        state = "yes" if one["finite"] else f"no, since\nframe {one['frames'] + 1}"
+        rows.append([one["method"], one["preset"] or "-", plan, *values, state])
+    headers = ["method", "preset", "iterations", *(column[0] for column in columns), "finite"]
+    size = ", ".join(f"{name}={value}" for name, value in settings.items())
+    print(f"{arguments.scene}{f' ({size})' if size else ''}, {found[0]['frames']} frames of {found[0]['dt']} s")
+    alignment = ["left", "left", *["right"] * (len(headers) - 2)]
+    print(tabulate(rows, headers=headers, tablefmt="simple", colalign=alignment, disable_numparse=True))
+
+
+def _add_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("scene", metavar="SCENE", help="a name that `cairn scenes` lists")
+    add("--preset", choices=PRESETS, help="parameters to start from, Cairn's methods only (default: default)")
+    add(
+        "--iterations",
+        type=_positive,
+        metavar="N",
+        help="velocity iterations of a step in all (the preset's; stock: 10)",
+    )
+    add("--position-iterations", type=_count, metavar="N", help="pjnj: position iterations of a step (the preset's)")
+    add("--substeps", type=_positive, metavar="N", help="tj, tjsoft, stock-substeps: substeps of a step")
+    add("--frames", type=_positive, metavar="N", help="steps to make (the scene's: 3000)")
+    add("--dt", type=_seconds, metavar="S", help="seconds of a step (the scene's: 0.016)")
+    add("--threads", type=_count, metavar="N", help="threads of Cairn's methods; 0, the default: all that there are")
+    add(
+        "--set",
+        type=_setting,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a size of the scene or a parameter of the method, such as layers=8 or splitting=point; may be repeated",
+    )
+    add("--json", metavar="FILE", help="write the results as JSON to FILE; - for standard output instead of the table")
+
+
+def parser() -> argparse.ArgumentParser:
+    plain = argparse.RawDescriptionHelpFormatter
+    top = argparse.ArgumentParser(
+        prog="cairn",
+        description="Cairn, a rigid-body constraint solver: runs scenes in Bullet under its methods and Bullet's own.",
+        epilog="examples:\n  cairn scenes\n  cairn run stack --method tjsoft --frames 300\n"
+        "  cairn compare chain-1m --methods tj,tjsoft,stock,stock-substeps --frames 500",
+        formatter_class=plain,
+    )
+    top.add_argument("--version", action="version", version=f"cairn {__version__}")
+    commands = top.add_subparsers(metavar="COMMAND", required=True)
+
+    def add(
+        name: str, about: str, epilog: str, action: Callable[[argparse.Namespace], None]
+    ) -> argparse.ArgumentParser:
+        command = commands.add_parser(
+            name, help=about, description=about[0].upper() + about[1:] + ".", epilog=epilog, formatter_class=plain
+        )
+        command.set_defaults(action=action)
+        return command
+
+    add("scenes", "list the scenes, why each exists and its sizes", "example:\n  cairn scenes", _command_scenes)
+    add("methods", "list the methods and their presets", "example:\n  cairn methods", _command_methods)
+    add("info", "say what was built and what the machine offers", "example:\n  cairn info", _command_info)
+
+    examples = (
+        "examples:\n"
+        "  cairn run stack --method tjsoft\n"
+        "  cairn run chain-1m --method tj --preset paper --iterations 300 --substeps 10 --json chain.json\n"
+        "  cairn run stack --method pj --set layers=10 --set splitting=point --replay stack.html\n"
+        "  cairn run overlap --method stock --iterations 50 --frames 300 --json - | python3 -m json.tool\n\n"
+        f"keys of the JSON, in order (penetration, drift and settling count from frame 60):\n{summaries.help_text()}"
+    )
+    one = add("run", "run a scene under one method and judge it", examples, _command_run)
+    one.add_argument("--method", required=True, metavar="M", help=", ".join(METHODS))
+    _add_options(one)
+    one.add_argument("--replay", metavar="FILE", help="write an animated 3D replay as one HTML page")
+
+    examples = (
+        "examples:\n"
+        "  cairn compare stack --methods pj,pjnj,pjsoft,tj,tjsoft --frames 600\n"
+        "  cairn compare chain-1m --methods tj,tjsoft,stock-substeps --iterations 300 --substeps 10 --json -\n\n"
+        "--preset, --position-iterations and --substeps go to those methods that have them. The JSON is a list of\n"
+        "what `cairn run` writes; `cairn run --help` explains its keys."
+    )
+    many = add("compare", "run a scene under several methods and set them side by side", examples, _command_compare)
+    many.add_argument("--methods", required=True, metavar="A,B,C", help=f"of {', '.join(METHODS)}")
+    _add_options(many)
+    return top
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Exit status: 0 done, 1 failed, 2 asked for what cannot be."""
+    given = parser().parse_args(arguments)
+    try:
+        given.action(given)
+    except UsageError as error:
+        print(f"cairn: {error}", file=sys.stderr)
+        return 2
+    except (Error, OSError, ImportError) as error:
+        print(f"cairn: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,232 @@
+"""`cairn.Solver`: one solver of the library, over NumPy arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _cairn
+from ._cairn import Error
+from .tables import Bodies, Column, Contacts, Joints, Results, Rows, Table, columns_of
+
+METHODS = tuple(_cairn.method_names())
+PRESETS = ("default", "paper")
+INSTRUCTIONS = ("auto", "scalar", "sse2", "avx2", "avx512")
+BACKENDS = ("auto", "cpu", "cuda")
+NOT_FINITE = 7  # an Error's status: the solve left the range of numbers
+SAME_AS_SWEEPS = 0xFFFFFFFF  # for restitution_iterations: the sweeps of a substep
+
+ParamValue = Union[int, float, str]
+
+# Parameters whose values have names, in the order of their numbers.
+_NAMES: dict[str, tuple[str, ...]] = {
+    "method": METHODS,
+    "splitting": ("point", "manifold"),
+    "friction_model": ("none", "cone", "pyramid"),
+    "acceleration": ("none", "nesterov"),
+}
+
+
+def _number(what: str, value: ParamValue, names: Sequence[str]) -> int:
+    if value not in names:
+        raise ValueError(f"{what} '{value}' is unknown; there are {', '.join(names)}")
+    return names.index(str(value))
+
+
+def _to_library(values: Mapping[str, ParamValue]) -> dict[str, float]:
+    numbers: dict[str, float] = {}
+    for name, value in values.items():
+        if name in _NAMES:
+            numbers[name] = _number(name, value, _NAMES[name])
+        elif isinstance(value, str):
+            raise TypeError(f"{name} = '{value}' is not a number")
+        else:
+            numbers[name] = value
+    return numbers
+
+
+def _from_library(numbers: Mapping[str, float]) -> dict[str, ParamValue]:
+    return {name: _NAMES[name][int(n)] if name in _NAMES else n for name, n in numbers.items()}
+
+
+def preset(method: str, preset: str = "default") -> dict[str, ParamValue]:
+    """The parameters of a method ("pj", "pjnj", "pjsoft", "tj", "tjsoft") in a preset ("default", "paper"), by name."""
+    numbers = _cairn.preset(_number("method", method, METHODS), _number("preset", preset, PRESETS))
+    return _from_library(numbers)
+
+
+def joint_axes(kind: str) -> npt.NDArray[np.int32]:
+    """[6] what a "ball", "hinge", "slider" or "fixed" joint does on each axis: a row of Joints.axes."""
+    return np.array(_cairn.joint_axes(_number("joint", kind, ("ball", "hinge", "slider", "fixed"))), dtype=np.int32)
+
+
+def info() -> dict[str, int | str]:
+    """version, abi_version, instructions (the widest here), build (compiler, flags, commit), cuda (its state)."""
+    found = _cairn.info()
+    found["instructions"] = INSTRUCTIONS[int(found["instructions"])]
+    return found
+
+
+class Params(Mapping[str, ParamValue]):
+    """A solver's parameters, read and set by name: `solver.params.iterations = 40`, or several at once by `update`.
+
+    Names, units and ranges are those of cairn_params in cairn.h; method, splitting ("point", "manifold"),
+    friction_model ("none", "cone", "pyramid") and acceleration ("none", "nesterov") are words. The library checks every
+    change: cairn.Error if a value is out of range, TypeError for an unknown name; then nothing was changed.
+    """
+
+    _solver: _cairn.Solver
+
+    def __init__(self, solver: _cairn.Solver) -> None:
+        object.__setattr__(self, "_solver", solver)
+
+    def update(self, **changes: ParamValue) -> None:
+        """Set several at once, for values that depend on each other such as iterations and substeps."""
+        self._solver.set_params(_to_library(changes))
+
+    def _all(self) -> dict[str, ParamValue]:
+        return _from_library(self._solver.params())
+
+    def __getitem__(self, name: str) -> ParamValue:
+        return self._all()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all())
+
+    def __len__(self) -> int:
+        return len(self._all())
+
+    def __getattr__(self, name: str) -> ParamValue:
+        values = self._all()
+        if name not in values:
+            raise AttributeError(f"no parameter is called '{name}'; there are {', '.join(values)}")
+        return values[name]
+
+    def __setattr__(self, name: str, value: ParamValue) -> None:
+        self.update(**{name: value})
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._all()]
+
+    def __repr__(self) -> str:
+        return f"Params({', '.join(f'{name}={value!r}' for name, value in self._all().items())})"
+
+
+class Solver:
+    """A constraint solver with its warm-start cache, threads and buffers.
+
+    method: "pj", "pjnj", "pjsoft", "tj" or "tjsoft". preset: "default" or "paper". threads: 0 for as many as the
+    process may use. instructions ("auto", "scalar", "sse2", "avx2", "avx512") is for tests and measurements: results do
+    not depend on it, nor on threads. precision: 32, or 64 for the slow reference. params: changes to the preset.
+
+    Distinct solvers may run in distinct threads; calls to one solver wait for each other. cairn.Error where the library
+    refuses: its text says what is wrong.
+    """
+
+    def __init__(
+        self,
+        method: str = "tjsoft",
+        preset: str = "default",
+        threads: int = 0,
+        instructions: str = "auto",
+        precision: int = 32,
+        **params: ParamValue,
+    ) -> None:
+        numbers = _number("method", method, METHODS), _number("preset", preset, PRESETS)
+        self._solver = _cairn.Solver(threads, _number("instructions", instructions, INSTRUCTIONS), precision)
+        self._solver.load_preset(*numbers, _to_library(params))
+
+    @property
+    def params(self) -> Params:
+        return Params(self._solver)
+
+    def step(
+        self,
+        dt: float,
+        bodies: Bodies | Table,
+        contacts: Contacts | Table | None = None,
+        joints: Joints | Table | None = None,
+        rows: Rows | Table | None = None,
+        gravity: Sequence[float] = (0.0, -9.81, 0.0),
+        out: Table | None = None,
+    ) -> Results:
+        """One step of dt seconds: forces, constraints, poses. gravity in m/s^2.
+
+        Results go into those columns of `out` that bear a result's name, and into new arrays for the rest; `out=bodies`
+        updates the bodies in place. The returned Results hold all of them. TypeError or ValueError for an array that
+        the solver cannot read where it is, cairn.Error for data that it refuses; both name it, and nothing is changed.
+        """
+        tables = {
+            "bodies": columns_of(bodies, "bodies"),
+            "contacts": columns_of(contacts, "contacts"),
+            "joints": columns_of(joints, "joints"),
+            "rows": columns_of(rows, "rows"),
+        }
+        given = columns_of(out, "out")
+        results = self._results(tables, given)
+        self._solver.step(dt, gravity, **tables, out=results)
+        return Results(**results)
+
+    @staticmethod
+    def _results(tables: Mapping[str, dict[str, Column]], given: Mapping[str, Column]) -> dict[str, Column]:
+        """Every result's array: the given one, else a new one of the type of the bodies' positions."""
+        known = {field.name for table in (Bodies, Results) for field in fields(table)}
+        for name in given:
+            if name not in known:
+                names = ", ".join(field.name for field in fields(Results))
+                raise TypeError(f"out has a field '{name}', which is no result; results are {names}")
+        bodies = tables["bodies"]
+        results: dict[str, Column] = {}
+        for name in ("position", "orientation", "linear_velocity", "angular_velocity"):
+            if name in given:
+                results[name] = given[name]
+            elif name in bodies:
+                results[name] = np.array(bodies[name])  # a copy: the solver leaves bodies that cannot move unwritten
+        real = getattr(bodies.get("position"), "dtype", np.dtype(np.float32))
+        shapes = {
+            "contact_impulse": ("contacts", ()),
+            "friction_impulse": ("contacts", (3,)),
+            "joint_impulse": ("joints", (6,)),
+            "row_impulse": ("rows", ()),
+        }
+        for name, (table, shape) in shapes.items():
+            count = len(tables[table].get("body_a", ()))
+            results[name] = given[name] if name in given else np.zeros((count, *shape), dtype=real)
+        return results
+
+    @property
+    def statistics(self) -> dict[str, float | str]:
+        """What the last step did, by the names of cairn_statistics in cairn.h; times in s, energies in J."""
+        values: dict[str, float | str] = dict(self._solver.statistics())
+        values["instructions"] = INSTRUCTIONS[int(values["instructions"])]
+        values["backend"] = BACKENDS[int(values["backend"])]
+        return values
+
+    @property
+    def residual_trace(self) -> npt.NDArray[np.float64]:
+        """[sweeps] sqrt(J), the residual of every velocity sweep of the last step, if params.residual_trace is 1."""
+        return self._solver.residual_trace()
+
+    @property
+    def split_counts(self) -> npt.NDArray[np.uint32]:
+        """[bodies] how many blocks shared each body in the last step: n_i of the paper's eq. 19."""
+        return self._solver.split_counts()
+
+    def reset(self) -> None:
+        """Forget the warm-start cache."""
+        self._solver.reset()
+
+    def save_cache(self) -> bytes:
+        """The warm-start cache, with which another solver continues with the same bits."""
+        return self._solver.save_cache()
+
+    def load_cache(self, cache: bytes) -> None:
+        """cairn.Error if these bytes are no whole cache; then nothing was changed."""
+        self._solver.load_cache(cache)
+
+
+__all__ = ["METHODS", "PRESETS", "Error", "Params", "Solver", "info", "joint_axes", "preset"]

@@ -1,0 +1,304 @@
+// The Python module `cairn._cairn`: the C interface with arrays and dicts in place of pointers. cairn/solver.py makes it friendly.
+#include "cairn_module.h"
+
+#include <array>
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <vector>
+
+namespace cairn_python {
+namespace {
+
+// Fields of a struct of numbers, by name.
+template <class Struct> struct Number {
+    const char* name;
+    std::uint32_t Struct::*whole; // one of the two is set
+    double Struct::*real;
+};
+template <class Struct> constexpr Number<Struct> number(const char* name, std::uint32_t Struct::*member) { return {name, member, nullptr}; }
+template <class Struct> constexpr Number<Struct> number(const char* name, double Struct::*member) { return {name, nullptr, member}; }
+
+constexpr Number<cairn_params> kParams[] = {
+    number("method", &cairn_params::method),
+    number("iterations", &cairn_params::iterations),
+    number("substeps", &cairn_params::substeps),
+    number("position_iterations", &cairn_params::position_iterations),
+    number("relax_iterations", &cairn_params::relax_iterations),
+    number("restitution_iterations", &cairn_params::restitution_iterations),
+    number("splitting", &cairn_params::splitting),
+    number("friction_model", &cairn_params::friction_model),
+    number("acceleration", &cairn_params::acceleration),
+    number("residual_trace", &cairn_params::residual_trace),
+    number("contact_warm_start", &cairn_params::contact_warm_start),
+    number("joint_warm_start", &cairn_params::joint_warm_start),
+    number("contact_baumgarte", &cairn_params::contact_baumgarte),
+    number("joint_baumgarte", &cairn_params::joint_baumgarte),
+    number("contact_hertz", &cairn_params::contact_hertz),
+    number("contact_damping_ratio", &cairn_params::contact_damping_ratio),
+    number("joint_hertz", &cairn_params::joint_hertz),
+    number("joint_damping_ratio", &cairn_params::joint_damping_ratio),
+    number("hertz_limit", &cairn_params::hertz_limit),
+    number("static_hertz_scale", &cairn_params::static_hertz_scale),
+    number("max_push_speed", &cairn_params::max_push_speed),
+    number("restitution_threshold", &cairn_params::restitution_threshold),
+    number("residual_tolerance", &cairn_params::residual_tolerance),
+};
+
+constexpr Number<cairn_statistics> kStatistics[] = {
+    number("bodies", &cairn_statistics::bodies),
+    number("contacts", &cairn_statistics::contacts),
+    number("manifolds", &cairn_statistics::manifolds),
+    number("joints", &cairn_statistics::joints),
+    number("rows", &cairn_statistics::rows),
+    number("islands", &cairn_statistics::islands),
+    number("substeps", &cairn_statistics::substeps),
+    number("iterations", &cairn_statistics::iterations),
+    number("position_iterations", &cairn_statistics::position_iterations),
+    number("relax_iterations", &cairn_statistics::relax_iterations),
+    number("restitution_iterations", &cairn_statistics::restitution_iterations),
+    number("warm_started", &cairn_statistics::warm_started),
+    number("rotation_clamped", &cairn_statistics::rotation_clamped),
+    number("threads", &cairn_statistics::threads),
+    number("instructions", &cairn_statistics::instructions),
+    number("backend", &cairn_statistics::backend),
+    number("time_total", &cairn_statistics::time_total),
+    number("time_pack", &cairn_statistics::time_pack),
+    number("time_build", &cairn_statistics::time_build),
+    number("time_sweep", &cairn_statistics::time_sweep),
+    number("time_position", &cairn_statistics::time_position),
+    number("time_integrate", &cairn_statistics::time_integrate),
+    number("time_finish", &cairn_statistics::time_finish),
+    number("kinetic_energy_change", &cairn_statistics::kinetic_energy_change),
+    number("residual", &cairn_statistics::residual),
+};
+
+template <class Struct, std::size_t N> py::dict to_dict(const Struct& values, const Number<Struct> (&numbers)[N]) {
+    py::dict dict;
+    for (const auto& n : numbers) {
+        dict[n.name] = n.whole ? py::object(py::int_(values.*(n.whole))) : py::object(py::float_(values.*(n.real)));
+    }
+    return dict;
+}
+
+void set_param(cairn_params& params, const std::string& name, const py::handle& value) {
+    for (const auto& n : kParams) {
+        if (name != n.name) {
+            continue;
+        }
+        try {
+            if (n.whole) {
+                params.*(n.whole) = value.cast<std::uint32_t>();
+            } else {
+                params.*(n.real) = value.cast<double>();
+            }
+        } catch (const py::cast_error&) {
+            throw py::type_error(name + " = " + py::repr(value).cast<std::string>() + " is not a " +
+                                 (n.whole ? "whole number from 0 to 2^32 - 1" : "number"));
+        }
+        return;
+    }
+    std::string names;
+    for (const auto& n : kParams) {
+        names += (names.empty() ? "" : ", ") + std::string(n.name);
+    }
+    throw py::type_error("no parameter is called '" + name + "'; there are " + names);
+}
+
+class Solver {
+  public:
+    Solver(std::uint32_t threads, std::uint32_t instructions, std::uint32_t precision) {
+        cairn_config config = {};
+        config.struct_size = sizeof config;
+        config.threads = threads;
+        config.instructions = instructions;
+        config.precision = precision;
+        check(cairn_solver_create(&config, &solver_));
+    }
+    ~Solver() { cairn_solver_destroy(solver_); }
+    Solver(const Solver&) = delete;
+    Solver& operator=(const Solver&) = delete;
+
+    void load_preset(std::uint32_t method, std::uint32_t preset, const py::dict& changes) {
+        cairn_params params = {};
+        params.struct_size = sizeof params;
+        check(cairn_params_preset(method, preset, &params));
+        change(params, changes);
+    }
+
+    void set_params(const py::dict& changes) {
+        auto params = get();
+        change(params, changes);
+    }
+
+    py::dict params() { return to_dict(get(), kParams); }
+
+    void step(double dt, std::array<double, 3> gravity, const py::dict& bodies, const py::dict& contacts, const py::dict& joints,
+              const py::dict& rows, const py::dict& out) {
+        const auto body_table = bodies_from(bodies);
+        const auto contact_table = contacts_from(contacts);
+        const auto joint_table = joints_from(joints);
+        const auto row_table = rows_from(rows);
+        cairn_step step = {};
+        step.struct_size = sizeof step;
+        step.dt = dt;
+        for (std::size_t i = 0; i < 3; ++i) {
+            step.gravity[i] = gravity[i];
+        }
+        step.bodies = &body_table;
+        step.contacts = &contact_table;
+        step.joints = &joint_table;
+        step.rows = &row_table;
+        const auto results = results_from(out, step);
+        call([&] { return cairn_solver_step(solver_, &step, &results); });
+    }
+
+    py::dict statistics() {
+        cairn_statistics statistics = {};
+        statistics.struct_size = sizeof statistics;
+        call([&] { return cairn_solver_get_statistics(solver_, &statistics); });
+        return to_dict(statistics, kStatistics);
+    }
+
+    py::array_t<double> residual_trace() { return values<double>(cairn_solver_residual_trace); }
+    py::array_t<std::uint32_t> split_counts() { return values<std::uint32_t>(cairn_solver_split_counts); }
+
+    void reset() {
+        call([&] { return cairn_solver_reset(solver_); });
+    }
+
+    py::bytes save_cache() {
+        std::vector<char> bytes;
+        call([&] {
+            std::size_t size = 0;
+            cairn_status status = cairn_solver_save_cache(solver_, nullptr, 0, &size);
+            if (status == CAIRN_OK || status == CAIRN_ERROR_BUFFER_TOO_SMALL) {
+                bytes.resize(size);
+                status = cairn_solver_save_cache(solver_, bytes.data(), size, &size);
+            }
+            return status;
+        });
+        return py::bytes(bytes.data(), bytes.size());
+    }
+
+    void load_cache(const py::bytes& cache) {
+        char* data = nullptr;
+        py::ssize_t size = 0;
+        if (PyBytes_AsStringAndSize(cache.ptr(), &data, &size) != 0) {
+            throw py::error_already_set();
+        }
+        call([&] { return cairn_solver_load_cache(solver_, data, static_cast<std::size_t>(size)); });
+    }
+
+  private:
+    // One solver serves one thread at a time, and Python's other threads run meanwhile.
+    template <class Function> void call(Function function) {
+        py::gil_scoped_release release;
+        const std::lock_guard<std::mutex> lock(mutex_);
+        check(function());
+    }
+
+    template <class Value, class Function> py::array_t<Value> values(Function function) {
+        std::vector<Value> found;
+        call([&] {
+            std::size_t count = 0;
+            cairn_status status = function(solver_, nullptr, 0, &count);
+            if (count > 0 && (status == CAIRN_OK || status == CAIRN_ERROR_BUFFER_TOO_SMALL)) {
+                found.resize(count);
+                status = function(solver_, found.data(), count, &count);
+            }
+            return status;
+        });
+        return py::array_t<Value>(static_cast<py::ssize_t>(found.size()), found.data());
+    }
+
+    cairn_params get() {
+        cairn_params params = {};
+        params.struct_size = sizeof params;
+        call([&] { return cairn_solver_get_params(solver_, &params); });
+        return params;
+    }
+
+    void change(cairn_params& params, const py::dict& changes) {
+        for (const auto& item : changes) {
+            set_param(params, item.first.cast<std::string>(), item.second);
+        }
+        call([&] { return cairn_solver_set_params(solver_, &params); });
+    }
+
+    cairn_solver* solver_ = nullptr;
+    std::mutex mutex_;
+};
+
+py::dict info() {
+    cairn_info info = {};
+    info.struct_size = sizeof info;
+    check(cairn_get_info(&info));
+    py::dict dict;
+    dict["version"] = std::to_string(info.version[0]) + "." + std::to_string(info.version[1]) + "." + std::to_string(info.version[2]);
+    dict["abi_version"] = info.abi_version;
+    dict["instructions"] = info.instructions;
+    dict["build"] = info.build;
+    dict["cuda"] = info.cuda;
+    return dict;
+}
+
+std::vector<std::string> method_names() {
+    std::vector<std::string> names;
+    for (std::uint32_t method = 0; cairn_method_name(method); ++method) {
+        names.emplace_back(cairn_method_name(method));
+    }
+    return names;
+}
+
+py::dict preset(std::uint32_t method, std::uint32_t preset) {
+    cairn_params params = {};
+    params.struct_size = sizeof params;
+    check(cairn_params_preset(method, preset, &params));
+    return to_dict(params, kParams);
+}
+
+std::array<std::uint32_t, 6> joint_axes(std::uint32_t joint) {
+    std::array<std::uint32_t, 6> axes = {};
+    check(cairn_joint_axes(joint, axes.data()));
+    return axes;
+}
+
+} // namespace
+} // namespace cairn_python
+
+PYBIND11_MODULE(_cairn, module) {
+    using namespace cairn_python;
+    module.doc() = "Cairn's C interface over NumPy arrays; use the package `cairn` instead.";
+
+    static PyObject* error_type = PyErr_NewExceptionWithDoc(
+        "cairn.Error", "The library refused or failed a call; `status` is its cairn_status.", PyExc_RuntimeError, nullptr);
+    module.attr("Error") = py::handle(error_type);
+    py::register_exception_translator([](std::exception_ptr thrown) {
+        try {
+            std::rethrow_exception(thrown);
+        } catch (const Error& error) {
+            py::object value = py::handle(error_type)(error.what());
+            value.attr("status") = error.status;
+            PyErr_SetObject(error_type, value.ptr());
+        }
+    });
+
+    module.def("info", &info);
+    module.def("method_names", &method_names);
+    module.def("preset", &preset, py::arg("method"), py::arg("preset"));
+    module.def("joint_axes", &joint_axes, py::arg("joint"));
+    py::class_<Solver>(module, "Solver")
+        .def(py::init<std::uint32_t, std::uint32_t, std::uint32_t>(), py::arg("threads"), py::arg("instructions"), py::arg("precision"))
+        .def("load_preset", &Solver::load_preset, py::arg("method"), py::arg("preset"), py::arg("changes"))
+        .def("set_params", &Solver::set_params, py::arg("changes"))
+        .def("params", &Solver::params)
+        .def("step", &Solver::step, py::arg("dt"), py::arg("gravity"), py::arg("bodies"), py::arg("contacts"), py::arg("joints"),
+             py::arg("rows"), py::arg("out"))
+        .def("statistics", &Solver::statistics)
+        .def("residual_trace", &Solver::residual_trace)
+        .def("split_counts", &Solver::split_counts)
+        .def("reset", &Solver::reset)
+        .def("save_cache", &Solver::save_cache)
+        .def("load_cache", &Solver::load_cache, py::arg("cache"));
+}
