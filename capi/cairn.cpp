@@ -12,6 +12,8 @@
 #include <memory>
 #include <span>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
 #if __has_include("cairn_build.h")
 #include "cairn_build.h"
@@ -22,6 +24,8 @@
 using namespace cairn::capi;
 
 struct cairn_solver {
+    cairn_solver(std::unique_ptr<cairn::Solver> made, const cairn::Hooks& hooks) : core(std::move(made)), keys(hooks) {}
+
     std::unique_ptr<cairn::Solver> core;
     KeySet keys;
 };
@@ -163,8 +167,8 @@ cairn_status cairn_solver_create(const cairn_config* config, cairn_solver** solv
         *solver = nullptr;
     return guarded([&] {
         check_pointer(solver, "solver");
-        auto made = std::make_unique<cairn_solver>();
-        made->core = cairn::Solver::create(check_config(config));
+        const cairn::Config checked = check_config(config);
+        auto made = std::make_unique<cairn_solver>(cairn::Solver::create(checked), checked.hooks);
         made->core->params = cairn::preset(cairn::Method::tjsoft, cairn::Preset::best);
         *solver = made.release();
     });

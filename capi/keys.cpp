@@ -1,6 +1,5 @@
 #include "keys.h"
 
-#include <algorithm>
 #include <bit>
 
 namespace cairn::capi {
@@ -39,12 +38,7 @@ void KeySet::check_unique(const Array& keys) {
     if (!keys.present() || ascending(keys))
         return;
     const std::size_t size = std::bit_ceil(2 * keys.count);
-    if (slots_.size() < size) {
-        slots_.clear(); // nothing to copy over
-        slots_.resize(size);
-    } else {
-        std::fill_n(slots_.begin(), size, std::uint64_t{0});
-    }
+    slots_.resize_filled(size, 0);
     for (std::size_t i = 0; i < keys.count; ++i) {
         const std::uint64_t key = keys.column.key(i);
         if (key == 0)
