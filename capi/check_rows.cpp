@@ -14,14 +14,13 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kRowsPerBlock = 6;
 
 struct RowArrays {
-    Array body_a, body_b, lower, upper, friction_index, block;
+    Array body_a, body_b, lower, friction_index, block;
 };
 
-void check_bounds(const RowArrays& rows) {
-    if (!rows.lower.present() && !rows.upper.present())
+void check_bounds(const Array& lower, const Array& upper) {
+    if (!lower.present() && !upper.present())
         return;
-    const Array &lower = rows.lower, &upper = rows.upper;
-    for (std::size_t i = 0; i < rows.body_a.count; ++i) {
+    for (std::size_t i = lower.first; i < lower.end; ++i) {
         const double low = lower.present() ? lower.column.real(i) : -kInfinity;
         const double high = upper.present() ? upper.column.real(i) : kInfinity;
         if (!(low < kInfinity))
@@ -55,12 +54,15 @@ void check_friction_index(const RowArrays& rows, std::size_t start, std::size_t 
     if (++bounded[row - start] > 2)
         refuse(CAIRN_ERROR_INVALID_DATA, "rows.friction_index[%zu] is %zu, as in two rows before: a row bounds at most two friction rows",
                i, row);
+    if (bounded[row - start] == 2 && index.index(i - 1) != normal)
+        refuse(CAIRN_ERROR_INVALID_DATA,
+               "rows.friction_index[%zu] is %zu, as in an earlier row, but row %zu lies between: put the two side by side", i, row, i - 1);
 }
 
 void check_blocks(const RowArrays& rows) {
     const auto block = [&](std::size_t i) { return rows.block.present() ? rows.block.index(i) : 0; };
     std::size_t start = 0, bounded[kRowsPerBlock] = {};
-    for (std::size_t i = 0; i < rows.body_a.count; ++i) {
+    for (std::size_t i = 0; i < rows.body_a.end; ++i) {
         const bool same = i > 0 && rows.body_a.index(i) == rows.body_a.index(start) && rows.body_b.index(i) == rows.body_b.index(start) &&
                           block(i) == block(start);
         if (!same) {
@@ -79,27 +81,28 @@ void check_blocks(const RowArrays& rows) {
     }
 }
 
-} // namespace
-
-void check_rows(const RowColumns& columns, std::size_t bodies, KeySet& keys) {
+void check_row_part(const RowColumns& columns, std::size_t bodies, KeySet& keys, std::size_t first, std::size_t end) {
     const auto array = [&](const Column& column, const char* field, std::size_t components = 1) {
-        return Array{column, "rows", field, columns.count, components};
+        return Array{column, "rows", field, first, end, components};
     };
-    const RowArrays rows = {array(columns.body_a, "body_a"),
-                            array(columns.body_b, "body_b"),
-                            array(columns.lower, "lower"),
-                            array(columns.upper, "upper"),
-                            array(columns.friction_index, "friction_index"),
-                            array(columns.block, "block")};
-    check_pairs(rows.body_a, rows.body_b, bodies);
+    check_pairs(array(columns.body_a, "body_a"), array(columns.body_b, "body_b"), bodies);
     check_finite(array(columns.jacobian_a, "jacobian_a", 6));
     check_finite(array(columns.jacobian_b, "jacobian_b", 6));
     check_finite(array(columns.rhs, "rhs"));
-    check_bounds(rows);
+    check_bounds(array(columns.lower, "lower"), array(columns.upper, "upper"));
     check_range(array(columns.compliance, "compliance"), 0, kLargest, ">= 0");
     check_range(array(columns.friction, "friction"), 0, kLargest, ">= 0");
-    check_blocks(rows);
-    keys.check_unique(array(columns.key, "key"));
+    keys.add(array(columns.key, "key"));
+}
+
+} // namespace
+
+void check_rows(const RowColumns& columns, std::size_t bodies, KeySet& keys) {
+    keys.start(columns.count);
+    in_parts(columns.count, [&](std::size_t first, std::size_t end) { check_row_part(columns, bodies, keys, first, end); });
+    const auto array = [&](const Column& column, const char* field) { return Array{column, "rows", field, 0, columns.count, 1}; };
+    check_blocks({array(columns.body_a, "body_a"), array(columns.body_b, "body_b"), array(columns.lower, "lower"),
+                  array(columns.friction_index, "friction_index"), array(columns.block, "block")});
 }
 
 } // namespace cairn::capi

@@ -12,7 +12,7 @@ constexpr std::size_t kAxes = 6;
 
 void check_axis_bits(const Array& axes) {
     check_bits(axes, CAIRN_AXIS_LOCKED | CAIRN_AXIS_LIMITED | CAIRN_AXIS_DRIVEN, "CAIRN_AXIS_LOCKED (1), LIMITED (2) and DRIVEN (4)");
-    for (std::size_t i = 0; i < axes.count; ++i)
+    for (std::size_t i = axes.first; i < axes.end; ++i)
         for (std::size_t c = 0; c < kAxes; ++c) {
             const auto bits = static_cast<std::uint32_t>(axes.column.integer(i, c));
             if ((bits & CAIRN_AXIS_LOCKED) != 0 && bits != CAIRN_AXIS_LOCKED)
@@ -48,11 +48,9 @@ void check_motor(const Array& speed, const Array& force, std::size_t i, std::siz
                value_of(force, i, c).text);
 }
 
-} // namespace
-
-void check_bodies(const BodyColumns& columns) {
+void check_body_part(const BodyColumns& columns, std::size_t first, std::size_t end) {
     const auto array = [&](const Column& column, const char* field, std::size_t components = 1) {
-        return Array{column, "bodies", field, columns.count, components};
+        return Array{column, "bodies", field, first, end, components};
     };
     const Array inverse_mass = array(columns.inverse_mass, "inverse_mass");
     const Array inverse_inertia = array(columns.inverse_inertia, "inverse_inertia", 3);
@@ -70,7 +68,7 @@ void check_bodies(const BodyColumns& columns) {
     check_bits(flags, CAIRN_BODY_NO_GYROSCOPIC | CAIRN_BODY_AT_END_POSE, "CAIRN_BODY_NO_GYROSCOPIC (1) and CAIRN_BODY_AT_END_POSE (2)");
     if (!flags.present())
         return;
-    for (std::size_t i = 0; i < flags.count; ++i) {
+    for (std::size_t i = flags.first; i < flags.end; ++i) {
         if ((flags.column.integer(i) & CAIRN_BODY_AT_END_POSE) == 0)
             continue;
         if (inverse_mass.column.real(i) == 0 && inverse_inertia.column.real(i, 0) == 0 && inverse_inertia.column.real(i, 1) == 0 &&
@@ -84,9 +82,9 @@ void check_bodies(const BodyColumns& columns) {
     }
 }
 
-void check_contacts(const ContactColumns& columns, std::size_t bodies, KeySet& keys) {
+void check_contact_part(const ContactColumns& columns, std::size_t bodies, KeySet& keys, std::size_t first, std::size_t end) {
     const auto array = [&](const Column& column, const char* field, std::size_t components = 1) {
-        return Array{column, "contacts", field, columns.count, components};
+        return Array{column, "contacts", field, first, end, components};
     };
     check_pairs(array(columns.body_a, "body_a"), array(columns.body_b, "body_b"), bodies);
     check_unit(array(columns.normal, "normal", 3));
@@ -97,12 +95,12 @@ void check_contacts(const ContactColumns& columns, std::size_t bodies, KeySet& k
     check_range(array(columns.restitution, "restitution"), 0, 1, "0 ... 1");
     check_finite(array(columns.tangent, "tangent", 3));
     check_bits(array(columns.flags, "flags"), CAIRN_CONTACT_ROUND_A | CAIRN_CONTACT_ROUND_B, "CAIRN_CONTACT_ROUND_A (1) and ROUND_B (2)");
-    keys.check_unique(array(columns.key, "key"));
+    keys.add(array(columns.key, "key"));
 }
 
-void check_joints(const JointColumns& columns, std::size_t bodies, KeySet& keys) {
+void check_joint_part(const JointColumns& columns, std::size_t bodies, KeySet& keys, std::size_t first, std::size_t end) {
     const auto array = [&](const Column& column, const char* field, std::size_t components = 1) {
-        return Array{column, "joints", field, columns.count, components};
+        return Array{column, "joints", field, first, end, components};
     };
     const Array axes = array(columns.axes, "axes", kAxes);
     const Array lower = array(columns.lower, "lower", kAxes), upper = array(columns.upper, "upper", kAxes);
@@ -113,7 +111,7 @@ void check_joints(const JointColumns& columns, std::size_t bodies, KeySet& keys)
     check_unit(array(columns.frame_a, "frame_a", 4));
     check_unit(array(columns.frame_b, "frame_b", 4));
     check_axis_bits(axes);
-    for (std::size_t i = 0; i < columns.count; ++i)
+    for (std::size_t i = first; i < end; ++i)
         for (std::size_t c = 0; c < kAxes; ++c) {
             const auto bits = static_cast<std::uint32_t>(axes.column.integer(i, c));
             if ((bits & CAIRN_AXIS_LIMITED) != 0)
@@ -121,7 +119,23 @@ void check_joints(const JointColumns& columns, std::size_t bodies, KeySet& keys)
             if ((bits & CAIRN_AXIS_DRIVEN) != 0)
                 check_motor(speed, force, i, c);
         }
-    keys.check_unique(array(columns.key, "key"));
+    keys.add(array(columns.key, "key"));
+}
+
+} // namespace
+
+void check_bodies(const BodyColumns& columns) {
+    in_parts(columns.count, [&](std::size_t first, std::size_t end) { check_body_part(columns, first, end); });
+}
+
+void check_contacts(const ContactColumns& columns, std::size_t bodies, KeySet& keys) {
+    keys.start(columns.count);
+    in_parts(columns.count, [&](std::size_t first, std::size_t end) { check_contact_part(columns, bodies, keys, first, end); });
+}
+
+void check_joints(const JointColumns& columns, std::size_t bodies, KeySet& keys) {
+    keys.start(columns.count);
+    in_parts(columns.count, [&](std::size_t first, std::size_t end) { check_joint_part(columns, bodies, keys, first, end); });
 }
 
 } // namespace cairn::capi

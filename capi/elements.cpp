@@ -41,7 +41,7 @@ template <std::size_t N> void check_unit_of(const Array& array) {
             square += static_cast<double>(values[c]) * static_cast<double>(values[c]);
         return square >= low && square <= high;
     });
-    if (i == array.count)
+    if (i == array.end)
         return;
     double norm = 0;
     for (std::size_t c = 0; c < N; ++c) {
@@ -100,7 +100,7 @@ void check_finite(const Array& array) {
         i = first_not_finite<6>(array);
         break;
     }
-    if (i < array.count)
+    if (i < array.end)
         refuse_not_finite(array, i);
 }
 
@@ -113,7 +113,7 @@ void check_range(const Array& array, double low, double high, const char* must) 
         i = first_bad<1>(array, [&](const auto* values) { return inside(values[0]); });
     else
         i = first_bad<3>(array, [&](const auto* values) { return inside(values[0]) && inside(values[1]) && inside(values[2]); });
-    if (i == array.count)
+    if (i == array.end)
         return;
     for (std::size_t c = 0; c < array.components; ++c) {
         if (inside(array.column.real(i, c)))
@@ -139,7 +139,7 @@ void check_unit(const Array& array) {
 void check_bits(const Array& array, std::uint32_t known, const char* names) {
     if (!array.present())
         return;
-    for (std::size_t i = 0; i < array.count; ++i)
+    for (std::size_t i = array.first; i < array.end; ++i)
         for (std::size_t c = 0; c < array.components; ++c) {
             const auto bits = static_cast<std::uint32_t>(array.column.integer(i, c));
             if ((bits & ~known) == 0)
@@ -160,7 +160,7 @@ void check_pairs(const Array& body_a, const Array& body_b, std::size_t bodies) {
         refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is %s: must be CAIRN_WORLD (-1) or an index below the number of bodies, %lld",
                array.table, array.field, i, value_of(array, i).text, static_cast<long long>(count));
     };
-    for (std::size_t i = 0; i < body_a.count; ++i) {
+    for (std::size_t i = body_a.first; i < body_a.end; ++i) {
         const std::int32_t a = body_a.index(i), b = body_b.index(i);
         if (a < CAIRN_WORLD || a >= count)
             refuse_index(body_a, i);

@@ -1,5 +1,5 @@
-// Checks of the elements of one array. Each is one pass that keeps nothing; the text of a refusal is made only when there is
-// one, and names the array, the index and the value.
+// Checks of the elements of one array, or of a part of it. Each is one pass that keeps nothing; the text of a refusal is made
+// only when there is one, and names the array, the index and the value.
 #pragma once
 #include "scene/input.h"
 #include "status.h"
@@ -10,16 +10,15 @@
 
 namespace cairn::capi {
 
-// A checked view with its name.
+// Elements first ... end - 1 of a checked view, with its name.
 struct Array {
     Column column;
     const char* table = "";
     const char* field = "";
-    std::size_t count = 0;
+    std::size_t first = 0, end = 0;
     std::size_t components = 1;
 
-    bool present() const { return column.present() && count > 0; }
-    // I32 and U32 are read as the same 32 bits, so that 0xffffffff is -1: CAIRN_WORLD.
+    bool present() const { return column.present() && first < end; }
     std::int32_t index(std::size_t i) const { return static_cast<std::int32_t>(column.integer(i)); }
 };
 
@@ -39,17 +38,17 @@ void check_bits(const Array& array, std::uint32_t known, const char* names);
 // Body indices: in -1 ... bodies - 1, and different.
 void check_pairs(const Array& body_a, const Array& body_b, std::size_t bodies);
 
-// The first element for which ok(values) is false, or the count. `values` points to N components in the array's own type.
+// The first element for which ok(values) is false, or `end`. `values` points to N components in the array's own type.
 template <std::size_t N, class Ok> std::size_t first_bad(const Array& array, Ok ok) {
     const auto scan = [&]<class Real>(Real) {
-        const std::byte* at = array.column.data;
-        for (std::size_t i = 0; i < array.count; ++i, at += array.column.stride) {
+        const std::byte* at = array.column.data + static_cast<std::ptrdiff_t>(array.first) * array.column.stride;
+        for (std::size_t i = array.first; i < array.end; ++i, at += array.column.stride) {
             Real values[N];
             std::memcpy(values, at, sizeof values);
             if (!ok(static_cast<const Real*>(values)))
                 return i;
         }
-        return array.count;
+        return array.end;
     };
     return array.column.type == Type::f32 ? scan(0.0f) : scan(0.0);
 }

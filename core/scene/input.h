@@ -20,10 +20,8 @@ struct Column {
     double real(std::size_t i, std::size_t c = 0) const {
         return type == Type::f32 ? static_cast<double>(load<float>(i, c)) : load<double>(i, c);
     }
-    std::int64_t integer(std::size_t i, std::size_t c = 0) const {
-        return type == Type::i32 ? static_cast<std::int64_t>(load<std::int32_t>(i, c))
-                                 : static_cast<std::int64_t>(load<std::uint32_t>(i, c));
-    }
+    // U32 is read as the same 32 bits, so that 0xffffffff is -1: no body, no row.
+    std::int64_t integer(std::size_t i, std::size_t c = 0) const { return load<std::int32_t>(i, c); }
     std::uint64_t key(std::size_t i) const { return load<std::uint64_t>(i, 0); }
 
   private:

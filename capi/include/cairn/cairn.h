@@ -184,8 +184,8 @@ typedef struct cairn_rows {
     cairn_view upper;          /* [1] >= lower, may be infinity; optional: infinity */
     cairn_view compliance;     /* [1] >= 0, 1/kg (1/(kg m^2)): of the impulse of one substep; optional: 0 */
     cairn_view friction_index; /* [1] index of an earlier row of the same block that has lower >= 0, or -1; optional: -1. The row is
-                                  then a friction row: |lambda| <= friction * lambda[friction_index]; at most two name the same row,
-                                  and two are bounded by a disc */
+                                  then a friction row: |lambda| <= friction * lambda[friction_index]; at most two, side by side,
+                                  name the same row, and two are bounded by a disc */
     cairn_view friction;       /* [1] coefficient for friction rows, >= 0; optional: 0 */
     cairn_view block;          /* [1] optional: 0 */
     cairn_view key;            /* [1] U64, as for contacts; optional */
