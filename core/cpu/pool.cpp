@@ -45,16 +45,16 @@ Pool::Pool(std::uint32_t threads, const Hooks& hooks) : hooks_(hooks), threads_(
         return; // the caller's threads do it
     try {
         for (std::uint32_t i = 1; i < threads_; ++i)
-            workers_.emplace_back([this, i] { work(i); });
+            workers_.emplace_back([this] { work(); });
     } catch (const std::system_error&) { // fewer threads than asked for: results are the same
         threads_ = static_cast<std::uint32_t>(workers_.size()) + 1;
     }
 }
 
 Pool::~Pool() {
-    stop_ = true;
-    generation_.fetch_add(1, std::memory_order_release);
-    generation_.notify_all();
+    stop_.store(true, std::memory_order_relaxed);
+    ticket_.fetch_add(std::uint64_t{1} << 32, std::memory_order_release);
+    ticket_.notify_all();
     for (std::thread& worker : workers_)
         worker.join();
 }
@@ -76,29 +76,41 @@ void Pool::run(std::uint32_t parts, Part part, void* argument) {
     }
     part_ = part;
     argument_ = argument;
-    parts_ = parts;
-    pending_.store(static_cast<std::uint32_t>(workers_.size()), std::memory_order_relaxed);
-    generation_.fetch_add(1, std::memory_order_release);
-    generation_.notify_all();
-    part(argument, 0);
-    const auto done = [&] { return pending_.load(std::memory_order_acquire) == 0; };
+    finished_.store(0, std::memory_order_relaxed);
+    const std::uint64_t generation = (ticket_.load(std::memory_order_relaxed) >> 32) + 1;
+    ticket_.store(generation << 32 | std::uint64_t{parts} << 16, std::memory_order_release);
+    ticket_.notify_all();
+    take_parts();
+    const auto done = [&] { return finished_.load(std::memory_order_acquire) == parts; };
     while (!spin_until(done))
         std::this_thread::yield();
 }
 
-void Pool::work(std::uint32_t index) {
+std::uint64_t Pool::take_parts() {
+    std::uint64_t ticket = ticket_.load(std::memory_order_acquire);
+    while ((ticket & 0xffff) < (ticket >> 16 & 0xffff)) {
+        if (!ticket_.compare_exchange_weak(ticket, ticket + 1, std::memory_order_acq_rel, std::memory_order_acquire))
+            continue;
+        part_(argument_, static_cast<std::uint32_t>(ticket & 0xffff));
+        finished_.fetch_add(1, std::memory_order_release);
+        ticket = ticket_.load(std::memory_order_acquire);
+    }
+    return ticket;
+}
+
+void Pool::work() {
     const FpEnvironment environment;
-    std::uint32_t seen = 0;
+    std::uint64_t seen = 0;
     for (;;) {
-        const auto called = [&] { return generation_.load(std::memory_order_acquire) != seen; };
-        while (!spin_until(called))
-            generation_.wait(seen, std::memory_order_acquire);
-        ++seen;
-        if (stop_)
+        const auto called = [&] { return ticket_.load(std::memory_order_acquire) >> 32 != seen >> 32; };
+        while (!spin_until(called)) {
+            const std::uint64_t now = ticket_.load(std::memory_order_acquire);
+            if (now >> 32 == seen >> 32)
+                ticket_.wait(now, std::memory_order_acquire);
+        }
+        if (stop_.load(std::memory_order_relaxed))
             return;
-        if (index < parts_)
-            part_(argument_, index);
-        pending_.fetch_sub(1, std::memory_order_release);
+        seen = take_parts();
     }
 }
 

@@ -1,7 +1,9 @@
-// Threads for loops that take microseconds: workers spin for a while between loops, then sleep.
+// Threads for loops that take microseconds: workers spin for a while between loops, then sleep. The calling thread works
+// too and takes every part that no worker has begun, so that a worker that the system has put aside holds nobody up.
 #pragma once
 #include "../solver.h"
 
+#include <algorithm>
 #include <atomic>
 #include <thread>
 #include <vector>
@@ -43,18 +45,19 @@ class Pool {
   private:
     using Part = void (*)(void*, std::uint32_t);
     void run(std::uint32_t parts, Part part, void* argument);
-    void work(std::uint32_t index);
+    void work();
+    std::uint64_t take_parts(); // the ticket at which none was left
 
     Hooks hooks_;
     std::uint32_t threads_;
     std::vector<std::thread> workers_;
-    // The loop at hand; written before `generation_` is raised, read after it was seen.
+    // The loop at hand. A part is claimed by raising `ticket_`, which only succeeds while its loop lasts; what the loop is
+    // may be read by whoever has claimed a part of it.
     Part part_ = nullptr;
     void* argument_ = nullptr;
-    std::uint32_t parts_ = 0;
-    bool stop_ = false;
-    alignas(64) std::atomic<std::uint32_t> generation_{0};
-    alignas(64) std::atomic<std::uint32_t> pending_{0};
+    alignas(64) std::atomic<std::uint64_t> ticket_{0}; // generation (32 bits), parts (16), next part (16)
+    alignas(64) std::atomic<std::uint32_t> finished_{0};
+    std::atomic<bool> stop_{false};
 };
 
 } // namespace cairn

@@ -32,9 +32,9 @@ Params preset(Method method, Preset preset) {
     p.contact_baumgarte = p.joint_baumgarte = 0.2;
     p.contact_hertz = 30;
     p.contact_damping_ratio = 10;
-    p.joint_hertz = 1e4;
+    p.joint_hertz = 1000; // as stiff as hertz_limit lets it be
     p.joint_damping_ratio = 1;
-    p.hertz_limit = 0.25;
+    p.hertz_limit = 0.5;
     p.static_hertz_scale = 2;
     p.max_push_speed = 3;
     return p;
