@@ -19,7 +19,7 @@ from typing import Any, cast
 import numpy as np
 
 from .scenes.model import Array, Body, Box, Capsule, Plane, Scene, Sphere
-from .solver import INSTRUCTIONS, METHODS, ParamValue, _to_library
+from .solver import INSTRUCTIONS, METHODS, Error, ParamValue, _to_library
 from .solver import preset as preset_of
 
 # Bullet's own: one step with its default solver (projected Gauss-Seidel), the same through
@@ -133,8 +133,13 @@ class BulletWorld:
         return self.method in METHODS
 
     def step(self) -> None:
-        """One step of the scene's dt. RuntimeError if Cairn refuses it (the text says why)."""
-        self._world.step(self.dt, self._solves)
+        """One step of the scene's dt. cairn.Error if Cairn refuses it (the text says why)."""
+        try:
+            self._world.step(self.dt, self._solves)
+        except RuntimeError as refused:
+            error = Error(str(refused))
+            error.status = self._world.last_status
+            raise error from None
 
     @property
     def poses(self) -> Array:
@@ -184,6 +189,10 @@ class BulletWorld:
     def params(self) -> dict[str, float]:
         """cairn_params in use, by field, as numbers; RuntimeError behind a stock solver."""
         return cast("dict[str, float]", self._world.params)
+
+    def set_params(self, **changes: ParamValue) -> None:
+        """Change fields of cairn_params between steps. ValueError for what does not fit; then nothing was changed."""
+        self._world.params = {**self._world.params, **_to_library(changes)}
 
     @property
     def statistics(self) -> dict[str, float]:

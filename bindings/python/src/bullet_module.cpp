@@ -181,10 +181,10 @@ JointKind kindOf(const std::string& name) {
 // The keyword arguments that every shape takes, in one place.
 template <class Function, class... Shape>
 void defineShape(py::class_<World>& type, const char* name, Function function, const char* doc, const Shape&... shape) {
-    type.def(name, function, shape..., py::kw_only(), py::arg("mass"), py::arg("inertia") = py::none(),
-             py::arg("position") = Vec3{0, 0, 0}, py::arg("orientation") = Quat{0, 0, 0, 1}, py::arg("linear_velocity") = Vec3{0, 0, 0},
-             py::arg("angular_velocity") = Vec3{0, 0, 0}, py::arg("friction") = 0.5, py::arg("restitution") = 0.0,
-             py::arg("group") = 0, doc);
+    type.def(name, function, shape..., py::kw_only(), py::arg("mass"), py::arg("inertia") = py::none(), py::arg("position") = Vec3{0, 0, 0},
+             py::arg("orientation") = Quat{0, 0, 0, 1}, py::arg("linear_velocity") = Vec3{0, 0, 0},
+             py::arg("angular_velocity") = Vec3{0, 0, 0}, py::arg("friction") = 0.5, py::arg("restitution") = 0.0, py::arg("group") = 0,
+             doc);
 }
 
 } // namespace
@@ -260,8 +260,8 @@ PYBIND11_MODULE(CAIRN_BULLET_MODULE_NAME, m) {
         "The two bodies no longer collide. Returns the joint's index.");
     world.def(
         "add_six_dof",
-        [](World& w, int bodyA, int bodyB, const Vec3& anchor, const Mat3& axes, const Six& lower, const Six& upper,
-           const Six& motorSpeed, const Six& motorForce) {
+        [](World& w, int bodyA, int bodyB, const Vec3& anchor, const Mat3& axes, const Six& lower, const Six& upper, const Six& motorSpeed,
+           const Six& motorForce) {
             return w.addJoint({JointKind::sixDof, bodyA, bodyB, anchor, axes, lower, upper, motorSpeed, motorForce});
         },
         py::arg("body_a"), py::arg("body_b"), py::arg("anchor"), py::arg("axes"), py::arg("lower"), py::arg("upper"), py::kw_only(),
@@ -271,28 +271,33 @@ PYBIND11_MODULE(CAIRN_BULLET_MODULE_NAME, m) {
     world.def("step", &World::step, py::arg("dt"), py::arg("substeps") = 1, py::call_guard<py::gil_scoped_release>(),
               "stepSimulation(dt, 0), or stepSimulation(dt, substeps, dt / substeps). RuntimeError if Cairn refuses the step.");
     world.def_property_readonly("body_count", &World::bodyCount);
-    world.def("poses",
-              [](const World& w) {
-                  py::array_t<double> result({static_cast<py::ssize_t>(w.bodyCount()), py::ssize_t{7}});
-                  w.poses(result.mutable_data());
-                  return result;
-              },
-              "[bodies, 7]: position, m; orientation x, y, z, w.");
-    world.def("velocities",
-              [](const World& w) {
-                  py::array_t<double> result({static_cast<py::ssize_t>(w.bodyCount()), py::ssize_t{6}});
-                  w.velocities(result.mutable_data());
-                  return result;
-              },
-              "[bodies, 6]: linear, m/s; angular, rad/s.");
+    world.def(
+        "poses",
+        [](const World& w) {
+            py::array_t<double> result({static_cast<py::ssize_t>(w.bodyCount()), py::ssize_t{7}});
+            w.poses(result.mutable_data());
+            return result;
+        },
+        "[bodies, 7]: position, m; orientation x, y, z, w.");
+    world.def(
+        "velocities",
+        [](const World& w) {
+            py::array_t<double> result({static_cast<py::ssize_t>(w.bodyCount()), py::ssize_t{6}});
+            w.velocities(result.mutable_data());
+            return result;
+        },
+        "[bodies, 6]: linear, m/s; angular, rad/s.");
     world.def("set_velocity", &World::setVelocity, py::arg("body"), py::arg("linear"), py::arg("angular"));
     world.def("contacts", &contactsOf,
               "Contact points that the last internal step found at its start: body_a, body_b, separation (m), position (m, on a),\n"
               "normal (from a to b), impulse (N s), friction_impulse (N s, on b).");
-    world.def("joint_errors", [](const World& w) { return array(w.jointErrors(), 2); },
-              "[joints, 2]: what each joint lets slip of what it should hold, m and rad, in double from the poses now.");
+    world.def(
+        "joint_errors", [](const World& w) { return array(w.jointErrors(), 2); },
+        "[joints, 2]: what each joint lets slip of what it should hold, m and rad, in double from the poses now.");
     world.def_property("iterations", &World::iterations, &World::setIterations, "Of the stock solvers.");
     world.def_property("split_impulse", &World::splitImpulse, &World::setSplitImpulse, "Of the stock solvers.");
+    world.def_property_readonly(
+        "last_status", [](const World& w) { return w.cairn() ? w.cairn()->lastStatus() : CAIRN_OK; }, "cairn_status of the last step.");
     world.def_property_readonly("solver_seconds", &World::solverSeconds, "Of the last step, solver with gather and scatter.");
     world.def_property_readonly("step_seconds", &World::stepSeconds, "Of the last step, everything.");
     world.def_property("params", &paramsOf, &setParams, "cairn_params as a dict; set from a dict or from the struct's bytes.");

@@ -25,15 +25,14 @@ double secondsSince(Clock::time_point start) { return std::chrono::duration<doub
 template <class Solver> class Timed : public Solver {
   public:
     template <class... Arguments>
-    explicit Timed(double& seconds, Arguments&&... arguments)
-        : Solver(std::forward<Arguments>(arguments)...), m_seconds(seconds) {}
+    explicit Timed(double& seconds, Arguments&&... arguments) : Solver(std::forward<Arguments>(arguments)...), m_seconds(seconds) {}
 
     btScalar solveGroup(btCollisionObject** bodies, int numBodies, btPersistentManifold** manifolds, int numManifolds,
-                        btTypedConstraint** constraints, int numConstraints, const btContactSolverInfo& info,
-                        btIDebugDraw* debugDrawer, btDispatcher* dispatcher) override {
+                        btTypedConstraint** constraints, int numConstraints, const btContactSolverInfo& info, btIDebugDraw* debugDrawer,
+                        btDispatcher* dispatcher) override {
         const Clock::time_point start = Clock::now();
-        const btScalar result = Solver::solveGroup(bodies, numBodies, manifolds, numManifolds, constraints, numConstraints, info,
-                                                   debugDrawer, dispatcher);
+        const btScalar result =
+            Solver::solveGroup(bodies, numBodies, manifolds, numManifolds, constraints, numConstraints, info, debugDrawer, dispatcher);
         m_seconds += secondsSince(start);
         return result;
     }
@@ -77,9 +76,9 @@ btVector3 vector(const Vec3& v) { return btVector3(real(v[0]), real(v[1]), real(
 
 btTransform transform(const Frame& frame) {
     const Mat3& m = frame.axes;
-    return btTransform(btMatrix3x3(real(m[0]), real(m[1]), real(m[2]), real(m[3]), real(m[4]), real(m[5]), real(m[6]),
-                                   real(m[7]), real(m[8])),
-                       vector(frame.origin));
+    return btTransform(
+        btMatrix3x3(real(m[0]), real(m[1]), real(m[2]), real(m[3]), real(m[4]), real(m[5]), real(m[6]), real(m[7]), real(m[8])),
+        vector(frame.origin));
 }
 
 Frame frameOf(const btTransform& pose) {
@@ -246,8 +245,8 @@ World::World(const Vec3& gravity, const std::string& solver, const cairn_config&
         s.dantzig = std::make_unique<btDantzigSolver>();
         s.solver = std::make_unique<Timed<btMLCPSolver>>(s.solverSeconds, s.dantzig.get());
     } else if (solver == "cairn") {
-        auto made = std::make_unique<Timed<cairn::bullet::ConstraintSolver>>(s.solverSeconds, CAIRN_METHOD_TJSOFT,
-                                                                             CAIRN_PRESET_DEFAULT, &config);
+        auto made =
+            std::make_unique<Timed<cairn::bullet::ConstraintSolver>>(s.solverSeconds, CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT, &config);
         if (made->lastStatus() != CAIRN_OK)
             throw std::runtime_error(made->lastError());
         made->setErrorCallback([](void*, cairn_status, const char*) {}, nullptr); // step() throws instead

@@ -13,13 +13,13 @@
 namespace cairn_bullet {
 
 using Vec3 = std::array<double, 3>;
-using Quat = std::array<double, 4>;  // x, y, z, w
-using Mat3 = std::array<double, 9>;  // row by row
-using Six = std::array<double, 6>;   // tx ty tz rx ry rz
+using Quat = std::array<double, 4>; // x, y, z, w
+using Mat3 = std::array<double, 9>; // row by row
+using Six = std::array<double, 6>;  // tx ty tz rx ry rz
 
 // A frame in space, in double.
 struct Frame {
-    Mat3 axes;   // columns are the frame's axes
+    Mat3 axes; // columns are the frame's axes
     Vec3 origin;
 };
 
@@ -38,10 +38,10 @@ enum class JointKind { ball, hinge, slider, fixed, sixDof };
 // In Cairn's terms: coordinates of b relative to a in the joint's frame. Axis i is free unless it is locked or limited.
 struct JointSettings {
     JointKind kind;
-    int bodyA, bodyB; // -1: the world
-    Vec3 anchor;      // world point at the start
-    Mat3 axes;        // world axes of the joint's frame at the start
-    Six lower, upper; // sixDof: equal = locked, lower > upper = free; hinge and slider: the one of the free axis
+    int bodyA, bodyB;           // -1: the world
+    Vec3 anchor;                // world point at the start
+    Mat3 axes;                  // world axes of the joint's frame at the start
+    Six lower, upper;           // sixDof: equal = locked, lower > upper = free; hinge and slider: the one of the free axis
     Six motorSpeed, motorForce; // force 0: no motor
 };
 

@@ -58,8 +58,8 @@ int Bodies::add(btCollisionObject& object) {
         store(record.torque, body->getTotalTorque());
         store(record.linearFactor, body->getLinearFactor());
         store(record.angularFactor, body->getAngularFactor());
-        const int gyroscopic = BT_ENABLE_GYROSCOPIC_FORCE_EXPLICIT | BT_ENABLE_GYROSCOPIC_FORCE_IMPLICIT_WORLD |
-                               BT_ENABLE_GYROSCOPIC_FORCE_IMPLICIT_BODY;
+        const int gyroscopic =
+            BT_ENABLE_GYROSCOPIC_FORCE_EXPLICIT | BT_ENABLE_GYROSCOPIC_FORCE_IMPLICIT_WORLD | BT_ENABLE_GYROSCOPIC_FORCE_IMPLICIT_BODY;
         if (!(body->getFlags() & gyroscopic))
             record.flags = CAIRN_BODY_NO_GYROSCOPIC;
     } else if (body && active && object.isKinematicObject()) {

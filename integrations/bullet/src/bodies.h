@@ -29,7 +29,7 @@ class Bodies {
         int index;
     };
     Tables& m_tables;
-    std::vector<Place> m_byWorldIndex;                               // by btCollisionObject::getWorldArrayIndex()
+    std::vector<Place> m_byWorldIndex;                              // by btCollisionObject::getWorldArrayIndex()
     std::vector<std::pair<btCollisionObject*, int>> m_outsideWorld; // the few that are in no world
     btCollisionObject* m_fixed = nullptr;
     uint64_t m_step = 0;

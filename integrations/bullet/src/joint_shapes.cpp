@@ -58,8 +58,7 @@ void readPoint(btPoint2PointConstraint& joint, JointShape& shape) {
 
 // Would Bullet's limit push a hinge that stands at this angle (ours)?
 bool limitedAt(btHingeConstraint& joint, btScalar angle) {
-    joint.testLimit(joint.getAFrame().inverse(),
-                    btTransform(btQuaternion(btVector3(0, 0, 1), angle)) * joint.getBFrame().inverse());
+    joint.testLimit(joint.getAFrame().inverse(), btTransform(btQuaternion(btVector3(0, 0, 1), angle)) * joint.getBFrame().inverse());
     const bool limited = joint.getSolveLimit() != 0;
     joint.testLimit(joint.getRigidBodyA().getCenterOfMassTransform(), joint.getRigidBodyB().getCenterOfMassTransform());
     return limited;
@@ -138,9 +137,8 @@ void readAngular(JointShape& shape, int axis, btScalar lower, btScalar upper, bo
 }
 
 void readSixDof(btGeneric6DofConstraint& joint, JointShape& shape) {
-    btGeneric6DofSpringConstraint* springs = joint.getConstraintType() == D6_SPRING_CONSTRAINT_TYPE
-                                                 ? static_cast<btGeneric6DofSpringConstraint*>(&joint)
-                                                 : nullptr;
+    btGeneric6DofSpringConstraint* springs =
+        joint.getConstraintType() == D6_SPRING_CONSTRAINT_TYPE ? static_cast<btGeneric6DofSpringConstraint*>(&joint) : nullptr;
     shape.native = true;
     shape.frameA = joint.getFrameOffsetA();
     shape.frameB = joint.getFrameOffsetB();
@@ -157,8 +155,8 @@ void readSixDof(btGeneric6DofConstraint& joint, JointShape& shape) {
     }
     for (int i = 0; i < 3; ++i) {
         btRotationalLimitMotor& angular = *joint.getRotationalLimitMotor(i);
-        readAngular(shape, i, angular.m_loLimit, angular.m_hiLimit, angular.m_enableMotor && !spring[kRx + i],
-                    angular.m_targetVelocity, angular.m_maxMotorForce);
+        readAngular(shape, i, angular.m_loLimit, angular.m_hiLimit, angular.m_enableMotor && !spring[kRx + i], angular.m_targetVelocity,
+                    angular.m_maxMotorForce);
         hasRow[kRx + i] = angular.needApplyTorques();
         spring[kRx + i] = spring[kRx + i] && angular.m_currentLimit == 0;
     }

@@ -172,11 +172,11 @@ void Constraints::scatter(btScalar dt) {
             for (const btScalar component : record.impulse)
                 largest = btMax(largest, btFabs(component));
             if (feedback) {
-                const btMatrix3x3 axes = poseA.getBasis() * btMatrix3x3(btQuaternion(record.frameA[0], record.frameA[1],
-                                                                                     record.frameA[2], record.frameA[3]));
+                const btMatrix3x3 axes =
+                    poseA.getBasis() * btMatrix3x3(btQuaternion(record.frameA[0], record.frameA[1], record.frameA[2], record.frameA[3]));
                 const btVector3 force = axes * linear / dt;
                 const btVector3 torque = axes * angular / dt;
-                const btVector3 point = (poseA * vector(record.anchorA) + poseB * vector(record.anchorB)) / 2;
+                const btVector3 point = poseB * vector(record.anchorB); // where Cairn applies a joint's impulse
                 feedback->m_appliedForceBodyA -= force;
                 feedback->m_appliedForceBodyB += force;
                 feedback->m_appliedTorqueBodyA -= torque + (point - poseA.getOrigin()).cross(force);

@@ -3,8 +3,8 @@
 #pragma once
 #include "bodies.h"
 
-#include <LinearMath/btAlignedObjectArray.h>
 #include <BulletDynamics/ConstraintSolver/btSolverConstraint.h>
+#include <LinearMath/btAlignedObjectArray.h>
 
 #include <unordered_map>
 
@@ -24,9 +24,9 @@ struct JointShape {
     btScalar motorForce[6] = {0, 0, 0, 0, 0, 0};
     int reportedAxis = -1;
     btScalar reportedSign = btScalar(1);
-    bool native = false;     // some of it, or all, is a native joint
-    uint32_t rowMask = 0;    // bit i: row i of getInfo2() goes as a raw row; set for rows that the joint cannot express
-    bool allRows = false;    // no native part: every row goes
+    bool native = false;  // some of it, or all, is a native joint
+    uint32_t rowMask = 0; // bit i: row i of getInfo2() goes as a raw row; set for rows that the joint cannot express
+    bool allRows = false; // no native part: every row goes
 };
 
 // Reads a constraint whose getInfo1() has just been called. Never fails: what it does not know is allRows.

@@ -123,8 +123,8 @@ cairn_results viewResults(Tables& tables) {
 
 struct ConstraintSolver::Implementation {
     cairn_solver* solver = nullptr;
-    cairn_params params = {};         // the user's
-    double appliedThreshold = 0;      // restitution threshold that the solver has now
+    cairn_params params = {};    // the user's
+    double appliedThreshold = 0; // restitution threshold that the solver has now
     cairn_status status = CAIRN_OK;
     std::string error;
     std::string reported;
@@ -151,8 +151,7 @@ struct ConstraintSolver::Implementation {
             if (callback)
                 callback(callbackUser, failure, text);
             else
-                std::fprintf(stderr, "cairn: %s: %s; the bodies of this step move without constraints\n",
-                             cairn_status_name(failure), text);
+                std::fprintf(stderr, "cairn: %s: %s; the bodies of this step move without constraints\n", cairn_status_name(failure), text);
         }
         return failure;
     }
@@ -242,8 +241,7 @@ struct ConstraintSolver::Implementation {
     }
 };
 
-ConstraintSolver::ConstraintSolver(uint32_t method, uint32_t preset, const cairn_config* config)
-    : m_implementation(new Implementation) {
+ConstraintSolver::ConstraintSolver(uint32_t method, uint32_t preset, const cairn_config* config) : m_implementation(new Implementation) {
     const cairn_status created = cairn_solver_create(config, &m_implementation->solver);
     if (created != CAIRN_OK) {
         m_implementation->fail(created, cairn_last_error());
@@ -287,9 +285,7 @@ cairn_solver* ConstraintSolver::handle() const { return m_implementation->solver
 
 cairn_status ConstraintSolver::lastStatus() const { return m_implementation->status; }
 
-const char* ConstraintSolver::lastError() const {
-    return m_implementation->status == CAIRN_OK ? "" : m_implementation->error.c_str();
-}
+const char* ConstraintSolver::lastError() const { return m_implementation->status == CAIRN_OK ? "" : m_implementation->error.c_str(); }
 
 void ConstraintSolver::setErrorCallback(ErrorCallback callback, void* user) {
     m_implementation->callback = callback;
@@ -302,8 +298,8 @@ void ConstraintSolver::prepareSolve(int, int) {
 }
 
 btScalar ConstraintSolver::solveGroup(btCollisionObject** bodies, int numBodies, btPersistentManifold** manifolds, int numManifolds,
-                                      btTypedConstraint** constraints, int numConstraints, const btContactSolverInfo& info,
-                                      btIDebugDraw*, btDispatcher* dispatcher) {
+                                      btTypedConstraint** constraints, int numConstraints, const btContactSolverInfo& info, btIDebugDraw*,
+                                      btDispatcher* dispatcher) {
     m_implementation->dispatcher = dispatcher;
     m_implementation->collect(bodies, numBodies, manifolds, numManifolds, constraints, numConstraints);
     if (!m_implementation->collecting) {

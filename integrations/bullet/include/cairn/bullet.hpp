@@ -55,8 +55,8 @@ class ConstraintSolver : public btConstraintSolver {
     // that comes without prepareSolve() (a btConstraintSolverPoolMt does that) is solved at once.
     void prepareSolve(int numBodies, int numManifolds) override;
     btScalar solveGroup(btCollisionObject** bodies, int numBodies, btPersistentManifold** manifolds, int numManifolds,
-                        btTypedConstraint** constraints, int numConstraints, const btContactSolverInfo& info,
-                        btIDebugDraw* debugDrawer, btDispatcher* dispatcher) override;
+                        btTypedConstraint** constraints, int numConstraints, const btContactSolverInfo& info, btIDebugDraw* debugDrawer,
+                        btDispatcher* dispatcher) override;
     void allSolved(const btContactSolverInfo& info, btIDebugDraw* debugDrawer) override;
     // Forgets the impulses kept for warm starts.
     void reset() override;
