@@ -6,7 +6,7 @@
     ...     position=np.zeros((1, 3)), orientation=np.array([[0.0, 0, 0, 1]]),
     ...     linear_velocity=np.zeros((1, 3)), angular_velocity=np.zeros((1, 3)),
     ...     inverse_mass=np.ones(1), inverse_inertia=np.ones((1, 3)))
-    >>> solver.step(1 / 60, ball, out=ball).linear_velocity
+    >>> solver.step(1 / 60, ball, out=ball).linear_velocity.round(4)
     array([[ 0.    , -0.1635,  0.    ]])
 
 `cairn.Solver` is the library itself; `cairn.scenes`, `cairn.bullet`, `cairn.run`, `cairn.metrics` and `cairn.charts`

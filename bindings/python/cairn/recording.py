@@ -62,6 +62,9 @@ def _extreme(values: Array) -> float | None:
     return float(values[np.argmax(np.abs(values))]) if len(values) else None
 
 
+_quiet = np.errstate(over="ignore", invalid="ignore")  # a run that blows up says so in its summary
+
+
 class Judge:
     """Watches a run: `see` after every frame, then `summary`."""
 
@@ -86,6 +89,7 @@ class Judge:
         kinetic = metrics.kinetic_energy(self._masses, self._inertias, orientations, linear, angular)
         return kinetic, metrics.potential_energy(self._masses, positions, self.scene.gravity)
 
+    @_quiet
     def kinetic_energy_change(self, before: Array, after: Array, dt: float) -> float:
         """J, of a step of Bullet's own solver between two states: what the solve made of the free velocities."""
         _, orientations, linear, angular = _split(before)
@@ -94,6 +98,7 @@ class Judge:
         old = metrics.kinetic_energy(self._masses, self._inertias, orientations, free, angular)
         return metrics.kinetic_energy(self._masses, self._inertias, orientations, solved, solved_angular) - old
 
+    @_quiet
     def see(self, state: Array, separations: Array, energy_change: float, times: Times) -> bool:
         """Takes in one more frame. False, and the run is over, if it holds a number that is not finite."""
         if not metrics.finite(state, separations, energy_change):
@@ -141,6 +146,7 @@ class Judge:
     def finished_series(self) -> dict[str, Array]:
         return {name: values[: self.frames] for name, values in self.series.items()}
 
+    @_quiet
     def summary(self, request: Mapping[str, object], rows: Sequence[float], build: str) -> Summary:
         """The keys of `cairn.summary`. request has those that were asked for; rows are of each step, if known."""
         series = self.finished_series()

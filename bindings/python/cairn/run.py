@@ -46,7 +46,10 @@ def split_settings(
     of_solver: dict[str, ParamValue] = {}
     for name, value in settings.items():
         if name in sizes:
-            of_scene[name] = float(value)
+            try:
+                of_scene[name] = float(value)
+            except ValueError:
+                raise ValueError(f"{name} = '{value}' is not a number") from None
         elif name in params:
             of_solver[name] = value
         else:

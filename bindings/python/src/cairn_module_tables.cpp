@@ -116,6 +116,10 @@ cairn_view view_of(const std::string& name, const py::handle& object, py::ssize_
         throw py::value_error(name + " has " + std::to_string(array.shape(0)) + " elements; its table has " + std::to_string(count));
     }
     count = array.shape(0);
+    view.data = const_cast<void*>(array.data()); // inputs are not written; results are checked to be writeable
+    if (count == 0) {
+        return view; // strides of an empty array mean nothing
+    }
     if (components > 1 && array.strides(1) != array.itemsize()) {
         throw py::type_error(name + " has a last axis that is not contiguous; pass numpy.ascontiguousarray of it");
     }
@@ -125,7 +129,6 @@ cairn_view view_of(const std::string& name, const py::handle& object, py::ssize_
         }
         view.stride = array.strides(0);
     }
-    view.data = const_cast<void*>(array.data()); // inputs are not written; results are checked to be writeable
     return view;
 }
 
