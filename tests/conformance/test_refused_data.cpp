@@ -42,6 +42,8 @@ TEST_F(RefusedData, Bodies) {
 
 TEST_F(RefusedData, Contacts) {
     bad({"contacts.body_a[2] is 4", "number of bodies, 4"}, [](W& w) { w.contacts[2].body_a = 4; });
+    bad({"contacts.body_a[4] is -2"}, [](W& w) { w.contacts[4].body_a = -2; });
+    bad({"contacts.body_b[1] is 4"}, [](W& w) { w.contacts[1].body_b = 4; });
     bad({"contacts.body_b[5] is -2"}, [](W& w) { w.contacts[5].body_b = -2; });
     bad({"contacts.body_a[3] and contacts.body_b[3] are both 2"}, [](W& w) { w.contacts[3].body_a = 2; });
     bad({"contacts.body_a[0] and contacts.body_b[0] are both -1"}, [](W& w) { w.contacts[0].body_a = w.contacts[0].body_b = CAIRN_WORLD; });
@@ -220,6 +222,8 @@ TEST_F(RefusedData, KeysOfALongTable) {
     accepted("ascending", put);
     table.key[900] = 5;
     bad({"contacts.key[900] is 5,", "contacts.key[4]"}, put);
+    table.key[900] = 900;
+    bad({"contacts.key[900] is 900,", "contacts.key[899]"}, put);
     table.key[900] = 0;
     table.key[901] = 0;
     accepted("ascending but for zeros", put);

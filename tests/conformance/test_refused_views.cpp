@@ -138,8 +138,8 @@ TEST_F(RefusedViews, StructSize) {
     size({"cairn_step", "struct_size is 7"}, [](W& w) { w.step.struct_size = 7; });
     size({"cairn_bodies", "struct_size is 2"}, [](W& w) { w.body_table.struct_size = 2; });
     size({"cairn_bodies", "struct_size is 32"}, [](W& w) { w.body_table.struct_size = 32; }); // the middle of a view
-    size({"cairn_contacts", "struct_size is 4294967295"}, [](W& w) { w.contact_table.struct_size = 0xffffffffu; });
-    size({"cairn_joints", "struct_size is 1000000"}, [](W& w) { w.joint_table.struct_size = 1000000; });
+    size({"cairn_contacts", "struct_size is 4294967295, which is impossible"}, [](W& w) { w.contact_table.struct_size = 0xffffffffu; });
+    size({"cairn_joints", "struct_size is 1000000, which is impossible"}, [](W& w) { w.joint_table.struct_size = 1000000; });
     size({"cairn_rows", "struct_size is 17"}, [](W& w) { w.row_table.struct_size = 17; });
     size({"cairn_results", "struct_size is 12"}, [](W& w) { w.results.struct_size = 12; });
 }
