@@ -15,10 +15,15 @@ DOWN = (0.0, -10.0, 0.0)
 QUARTER_Z = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))  # a quarter turn about z
 
 
-def test_rotation_matrix() -> None:
-    np.testing.assert_allclose(
-        metrics.rotation_matrices(np.array([QUARTER_Z])), [[[0, -1, 0], [1, 0, 0], [0, 0, 1]]], atol=1e-15
-    )
+def test_rotation_matrices() -> None:
+    quarter = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    np.testing.assert_allclose(metrics.rotation_matrices(np.array([QUARTER_Z])), [quarter], atol=1e-15)
+    # Rodrigues' formula about an axis in no special direction.
+    axis, angle = np.array([2.0, -3.0, 6.0]) / 7, 0.7
+    q = np.array([*(math.sin(angle / 2) * axis), math.cos(angle / 2)])
+    cross = np.cross(np.eye(3), axis)
+    expected = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    np.testing.assert_allclose(metrics.rotation_matrices(q), expected, atol=1e-15)
 
 
 def test_kinetic_energy_turns_the_inertia_with_the_body() -> None:

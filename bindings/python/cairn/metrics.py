@@ -19,13 +19,20 @@ SETTLED_FRAME = 60  # drift, collapse and penetration are measured from here, so
 
 def rotation_matrices(orientations: Array) -> Array:
     """[..., 3, 3]; columns are the body's axes in world axes."""
-    x, y, z, w = np.moveaxis(np.asarray(orientations, dtype=np.float64), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    q = np.asarray(orientations, dtype=np.float64)
+    product = 2 * q[..., :, None] * q[..., None, :]
+    x, y, z = (product[..., i, :] for i in range(3))  # x[..., 1] is 2 q_x q_y
+    matrices = np.empty((*q.shape[:-1], 3, 3))
+    matrices[..., 0, 0] = 1 - y[..., 1] - z[..., 2]
+    matrices[..., 0, 1] = x[..., 1] - z[..., 3]
+    matrices[..., 0, 2] = x[..., 2] + y[..., 3]
+    matrices[..., 1, 0] = x[..., 1] + z[..., 3]
+    matrices[..., 1, 1] = 1 - x[..., 0] - z[..., 2]
+    matrices[..., 1, 2] = y[..., 2] - x[..., 3]
+    matrices[..., 2, 0] = x[..., 2] - y[..., 3]
+    matrices[..., 2, 1] = y[..., 2] + x[..., 3]
+    matrices[..., 2, 2] = 1 - x[..., 0] - y[..., 1]
+    return matrices
 
 
 def kinetic_energy(

@@ -49,13 +49,8 @@ def build(name: str, /, **settings: float) -> Scene:
     return SCENES[name](**sizes)
 
 
-def describe(name: str) -> str:
-    """The scene's one sentence."""
-    return SCENES[name]().why
-
-
 __all__ = [
     "SCENES", "Body", "Box", "Capsule", "Joint", "Plane", "Scene", "Sphere",
-    "build", "chain", "chain_1m", "crank", "describe", "joints", "overlap", "piston_position",
+    "build", "chain", "chain_1m", "crank", "joints", "overlap", "piston_position",
     "settings_of", "stack", "stack_1m",
 ]  # fmt: skip
