@@ -74,7 +74,6 @@ class Judge:
         self.finite = True
         self.series = {name: np.zeros(frames) for name in (*SERIES, *scene.quantities)}
         self._masses, self._inertias = scene.masses, scene.inertias
-        self._moves = self._masses > 0
         self._reach = np.array([_reach(body) for body in scene.bodies])
         self._joint_errors = metrics.JointErrors(scene)
         self._start = scene.start_positions
@@ -90,13 +89,18 @@ class Judge:
         return kinetic, metrics.potential_energy(self._masses, positions, self.scene.gravity)
 
     @_quiet
-    def kinetic_energy_change(self, before: Array, after: Array, dt: float) -> float:
-        """J, of a step of Bullet's own solver between two states: what the solve made of the free velocities."""
-        _, orientations, linear, angular = _split(before)
-        free = linear + dt * np.asarray(self.scene.gravity) * self._moves[:, None]
-        _, _, solved, solved_angular = _split(after)
-        old = metrics.kinetic_energy(self._masses, self._inertias, orientations, free, angular)
-        return metrics.kinetic_energy(self._masses, self._inertias, orientations, solved, solved_angular) - old
+    def kinetic_energy_change(self, states: Array, h: float) -> float:
+        """J, of Bullet's own solver: what its solves made of the free velocities, summed over substeps of h seconds.
+
+        states [substeps + 1, bodies, 13]: before the first substep and after each.
+        """
+        substeps = len(states) - 1
+        masses, inertias = np.tile(self._masses, substeps), np.tile(self._inertias, (substeps, 1))
+        _, orientations, linear, angular = _split(states[:-1].reshape(-1, 13))
+        free = linear + h * np.asarray(self.scene.gravity) * (masses > 0)[:, None]
+        _, _, solved, solved_angular = _split(states[1:].reshape(-1, 13))
+        old = metrics.kinetic_energy(masses, inertias, orientations, free, angular)
+        return metrics.kinetic_energy(masses, inertias, orientations, solved, solved_angular) - old
 
     @_quiet
     def see(self, state: Array, separations: Array, energy_change: float, times: Times) -> bool:

@@ -222,16 +222,15 @@ class _Stock(_Runner):
         self.world = BulletWorld(replace(scene, dt=scene.dt / whole.substeps), "stock", iterations=each)
 
     def step(self, frame: int, judge: Judge) -> bool:
-        before = _state(self.world)
-        change = solver = step = 0.0
+        states = [_state(self.world)]
+        solver = step = 0.0
         for _ in range(self._substeps):
             self.world.step()
-            after = _state(self.world)
-            change += judge.kinetic_energy_change(before, after, self.world.dt)
-            before = after
+            states.append(_state(self.world))
             solver += self.world.solver_seconds
             step += self.world.step_seconds
-        return judge.see(before, self.world.contacts["separation"], change, Times(1e3 * solver, 1e3 * step))
+        change = judge.kinetic_energy_change(np.array(states), self.world.dt)
+        return judge.see(states[-1], self.world.contacts["separation"], change, Times(1e3 * solver, 1e3 * step))
 
 
 __all__ = ["METHODS", "STAGES", "STOCK", "Recording", "build_text", "check_method", "run", "split_settings"]

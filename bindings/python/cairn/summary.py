@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 Summary = dict[str, Any]
@@ -42,4 +43,8 @@ KEYS: dict[str, str] = {
 def help_text() -> str:
     """Every key with its meaning, for people."""
     width = max(len(key) for key in KEYS)
-    return "\n".join(f"  {key:<{width}}  {meaning}" for key, meaning in KEYS.items())
+    lines = []
+    for key, meaning in KEYS.items():
+        first, *rest = textwrap.wrap(meaning, 112 - width)
+        lines += [f"  {key:<{width}}  {first}", *(" " * (width + 4) + line for line in rest)]
+    return "\n".join(lines)
