@@ -8,6 +8,7 @@ namespace cairn::capi {
 namespace {
 
 constexpr double kLargest = std::numeric_limits<double>::max();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kAxes = 6;
 
 void check_axis_bits(const Array& axes) {
@@ -30,10 +31,12 @@ double axis_value(const Array& array, const char* state, std::size_t i, std::siz
 
 void check_limit(const Array& lower, const Array& upper, std::size_t i, std::size_t c) {
     const double low = axis_value(lower, "limited", i, c), high = axis_value(upper, "limited", i, c);
-    for (const Array* array : {&lower, &upper})
-        if (!std::isfinite(array->column.real(i, c)))
-            refuse(CAIRN_ERROR_INVALID_DATA, "joints.%s[%zu][%zu] is %s: must be finite on a limited axis", array->field, i, c,
-                   value_of(*array, i, c).text);
+    if (!(low < kInfinity))
+        refuse(CAIRN_ERROR_INVALID_DATA, "joints.lower[%zu][%zu] is %s: must be finite or -infinity on a limited axis", i, c,
+               value_of(lower, i, c).text);
+    if (!(high > -kInfinity))
+        refuse(CAIRN_ERROR_INVALID_DATA, "joints.upper[%zu][%zu] is %s: must be finite or infinity on a limited axis", i, c,
+               value_of(upper, i, c).text);
     if (low > high)
         refuse(CAIRN_ERROR_INVALID_DATA, "joints.lower[%zu][%zu] is %s, above joints.upper[%zu][%zu], which is %s", i, c,
                value_of(lower, i, c).text, i, c, value_of(upper, i, c).text);

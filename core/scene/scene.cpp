@@ -182,7 +182,9 @@ template <class S> void Scene<S>::pack_joint(const Input& input, std::size_t i, 
     put4(kStartFrameB, b.frame);
     for (std::size_t axis = 0; axis < 6; ++axis) {
         const std::uint32_t flags = static_cast<std::uint32_t>(in.axes.integer(i, axis));
-        const double low = flags & 2u ? in.lower.real(i, axis) : 0, high = flags & 2u ? in.upper.real(i, axis) : 0;
+        constexpr double huge = 1e30; // stands for infinity: 0 * infinity would be NaN
+        const double low = flags & 2u ? std::max(in.lower.real(i, axis), -huge) : 0;
+        const double high = flags & 2u ? std::min(in.upper.real(i, axis), huge) : 0;
         const bool pinned = (flags & 2u) && low == high; // a limit without room is a lock
         *field(cold, kIsLocked + axis) = (flags & 1u) || pinned ? S(1) : S(0);
         *field(cold, kIsLimited + axis) = (flags & 2u) && !pinned ? S(1) : S(0);
@@ -326,6 +328,7 @@ template <class S> void Scene<S>::pack(const Input& input, const Params& params,
     frame.soft = method.bias == Bias::soft;
     frame.unbiased = method.bias == Bias::none;
     frame.contact_warm = static_cast<S>(params.contact_warm_start);
+    frame.friction_warm = static_cast<S>(getenv("FW") ? atof(getenv("FW")) : 1.0);
     frame.joint_warm = static_cast<S>(params.joint_warm_start);
     frame.contact_baumgarte = static_cast<S>(params.contact_baumgarte);
     frame.joint_baumgarte = static_cast<S>(params.joint_baumgarte);

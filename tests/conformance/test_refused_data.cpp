@@ -75,7 +75,8 @@ TEST_F(RefusedData, Joints) {
     bad({"joints.axes[1][3] is 5", "locked"}, [](W& w) { w.joints[1].axes[3] = CAIRN_AXIS_LOCKED | CAIRN_AXIS_DRIVEN; });
     bad({"joints.lower[1][1] is 1.5", "joints.upper[1][1]", "is 1"}, [](W& w) { w.joints[1].lower[1] = 1.5; });
     bad({"joints.lower[1][1] is nan"}, [](W& w) { w.joints[1].lower[1] = kNan; });
-    bad({"joints.upper[1][1] is inf"}, [](W& w) { w.joints[1].upper[1] = kInf; });
+    bad({"joints.upper[1][1] is -inf"}, [](W& w) { w.joints[1].upper[1] = -kInf; });
+    bad({"joints.lower[1][1] is inf"}, [](W& w) { w.joints[1].lower[1] = kInf; });
     bad({"joints.motor_speed[2][5] is nan"}, [](W& w) { w.joints[2].motor_speed[5] = kNan; });
     bad({"joints.motor_force[2][5] is -1"}, [](W& w) { w.joints[2].motor_force[5] = -1; });
     bad({"joints.motor_force[2][5] is nan"}, [](W& w) { w.joints[2].motor_force[5] = kNan; });
@@ -88,6 +89,30 @@ TEST_F(RefusedData, Joints) {
         w.joints[1].axes[1] = CAIRN_AXIS_FREE;
         w.joint_table.lower.data = w.joint_table.upper.data = nullptr;
     });
+}
+
+// An infinite limit is one out of reach, in every method: on one side, and on both.
+TEST_F(RefusedData, InfiniteLimitsOfJoints) {
+    for (std::uint32_t method = 0; method < CAIRN_METHOD_COUNT; ++method) {
+        cairn_params params = {};
+        params.struct_size = sizeof params;
+        ASSERT_EQ(cairn_params_preset(method, CAIRN_PRESET_DEFAULT, &params), CAIRN_OK);
+        ASSERT_EQ(cairn_solver_set_params(solver, &params), CAIRN_OK) << cairn_last_error();
+        for (const bool both : {false, true}) {
+            W infinite, distant;
+            for (W* w : {&infinite, &distant}) {
+                w->joints[1].lower[1] = w == &infinite ? -kInf : -1e9;
+                w->joints[1].upper[1] = !both ? -0.01 : w == &infinite ? kInf : 1e9;
+                ASSERT_EQ(cairn_solver_reset(solver), CAIRN_OK);
+                ASSERT_EQ(cairn_solver_step(solver, &w->step, &w->results), CAIRN_OK) << cairn_last_error();
+            }
+            EXPECT_EQ(std::memcmp(infinite.bodies, distant.bodies, sizeof infinite.bodies), 0) << cairn_method_name(method) << both;
+        }
+    }
+    cairn_params params = {};
+    params.struct_size = sizeof params;
+    ASSERT_EQ(cairn_params_preset(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT, &params), CAIRN_OK);
+    ASSERT_EQ(cairn_solver_set_params(solver, &params), CAIRN_OK); // as TearDown's other solver
 }
 
 TEST_F(RefusedData, Rows) {

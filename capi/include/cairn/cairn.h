@@ -161,8 +161,8 @@ typedef struct cairn_joints {
     cairn_view frame_a;     /* [4] quaternion: the joint's axes in a's axes; optional: identity */
     cairn_view frame_b;     /* [4] likewise in b's axes */
     cairn_view axes;        /* [6] I32 or U32, CAIRN_AXIS_... of tx ty tz rx ry rz */
-    cairn_view lower;       /* [6] m or rad, finite; only limited axes are read; optional if none is limited */
-    cairn_view upper;       /* [6] >= lower */
+    cairn_view lower;       /* [6] m or rad, may be -infinity; only limited axes are read; optional if none is limited */
+    cairn_view upper;       /* [6] >= lower, may be infinity */
     cairn_view motor_speed; /* [6] m/s or rad/s; only driven axes are read; optional if none is driven */
     cairn_view motor_force; /* [6] N or N m, >= 0; infinity allowed */
     cairn_view key;         /* [1] U64, as for contacts; optional */
