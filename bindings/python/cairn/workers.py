@@ -1,0 +1,146 @@
+"""Runs many scenes at once, in processes that each have a processor core of their own and one solver thread.
+
+A process that dies takes nothing with it but the run that it was at, whose error says how it died.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import queue
+import signal
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Callable, cast
+
+from .charts.result import Request, Result
+
+_REPORT = 0.3  # s between two words of a run on how far it is
+
+Progress = Callable[[Request, int], None]  # a request and how many of its frames are done
+
+
+@dataclass(frozen=True)
+class Task:
+    request: Request
+    frames: int
+    keep_poses_every: int = 0
+
+
+def cores(jobs: int) -> list[int | None]:
+    """A core for each of so many jobs, or None where the system cannot pin processes or has fewer cores than jobs."""
+    if not hasattr(os, "sched_getaffinity"):
+        return [None] * jobs
+    allowed = sorted(os.sched_getaffinity(0))
+    return [*allowed[:jobs]] if len(allowed) >= jobs else [None] * jobs
+
+
+class Pool:
+    """Processes that wait for tasks, one a job; a context manager. A process that dies is replaced."""
+
+    def __init__(self, jobs: int) -> None:
+        self.pinned = all(core is not None for core in cores(jobs))
+        self._jobs = jobs
+        self._free: queue.Queue[_Worker] = queue.Queue()
+        for core in cores(jobs):
+            self._free.put(_Worker(core))
+
+    def __enter__(self) -> Pool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        while not self._free.empty():
+            self._free.get().stop()
+
+    def run(self, tasks: Sequence[Task], progress: Progress) -> list[Result]:
+        """Run tasks, as many at a time as there are jobs; results in their order. progress may come from any thread."""
+
+        def one(task: Task) -> Result:
+            worker = self._free.get()
+            try:
+                return worker.run(task, progress)
+            finally:
+                self._free.put(worker)
+
+        with ThreadPoolExecutor(self._jobs) as threads:
+            return list(threads.map(one, tasks))
+
+
+class _Worker:
+    def __init__(self, core: int | None) -> None:
+        self._core = core
+        self._start()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_work, args=(self._core, theirs), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def run(self, task: Task, progress: Progress) -> Result:
+        try:
+            self._pipe.send(task)
+            while True:
+                kind, value = self._pipe.recv()
+                if kind == "done":
+                    return cast(Result, value)
+                if kind == "failed":
+                    return Result(task.request, error=value)
+                progress(task.request, value)
+        except (EOFError, OSError):
+            self._process.join()
+            code = self._process.exitcode or 0
+            self._start()
+            how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
+            return Result(task.request, error=f"its process ended with {how}")
+        finally:
+            progress(task.request, task.frames)
+
+    def stop(self) -> None:
+        self._pipe.close()  # the process reads the end of its tasks
+        self._process.join()
+
+
+def _work(core: int | None, pipe: Connection) -> None:
+    """The process's loop: a task in, words of progress and a recording out."""
+    from .run import run
+
+    if core is not None:
+        os.sched_setaffinity(0, {core})
+    last = time.monotonic()
+
+    def tell(frames: int) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last > _REPORT:
+            last = now
+            pipe.send(("frames", frames))
+
+    while True:
+        try:
+            task: Task = pipe.recv()
+        except EOFError:
+            return
+        request = task.request
+        began = time.monotonic()
+        try:
+            recording = run(
+                request.scene,
+                request.method,
+                preset=request.preset,
+                iterations=request.iterations,
+                substeps=request.substeps,
+                frames=task.frames,
+                threads=1,
+                keep_poses_every=task.keep_poses_every,
+                trace_frame=0,
+                progress=tell,
+            )
+        except Exception as error:  # whatever it is, it is this run's, and the report shows it
+            pipe.send(("failed", f"{type(error).__name__}: {error}"))
+        else:
+            pipe.send(("done", Result(request, recording, seconds=time.monotonic() - began)))
