@@ -328,7 +328,6 @@ template <class S> void Scene<S>::pack(const Input& input, const Params& params,
     frame.soft = method.bias == Bias::soft;
     frame.unbiased = method.bias == Bias::none;
     frame.contact_warm = static_cast<S>(params.contact_warm_start);
-    frame.friction_warm = static_cast<S>(getenv("FW") ? atof(getenv("FW")) : 1.0);
     frame.joint_warm = static_cast<S>(params.joint_warm_start);
     frame.contact_baumgarte = static_cast<S>(params.contact_baumgarte);
     frame.joint_baumgarte = static_cast<S>(params.joint_baumgarte);
