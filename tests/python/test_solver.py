@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -327,3 +328,9 @@ def test_info() -> None:
     assert facts["version"] == cairn.__version__
     assert facts["abi_version"] == 1
     assert facts["instructions"] in ("scalar", "sse2", "avx2", "avx512")
+
+
+def test_example_of_the_package() -> None:
+    outcome = doctest.testmod(cairn)
+    assert outcome.attempted > 0
+    assert outcome.failed == 0

@@ -308,7 +308,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Exit status: 0 done, 1 failed, 2 asked for what cannot be."""
+    """Exit status: 0 done, 1 failed, 2 asked for what cannot be, 130 interrupted."""
     given = parser().parse_args(arguments)
     try:
         given.action(given)
@@ -318,6 +318,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (Error, OSError, ImportError) as error:
         print(f"cairn: {error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("cairn: interrupted", file=sys.stderr)
+        return 130
     return 0
 
 
