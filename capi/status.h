@@ -20,7 +20,7 @@ struct Refusal {
 cairn_status status_of_current_exception() noexcept;
 const char* last_error() noexcept;
 
-// Runs an entry's body; whatever is thrown, by a hook of the caller's too, ends here.
+// Runs an entry's body; whatever it throws ends here.
 template <class Body> cairn_status guarded(Body&& body) noexcept {
     try {
         body();

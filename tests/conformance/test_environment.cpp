@@ -4,7 +4,6 @@
 #include <cfenv>
 #include <map>
 #include <new>
-#include <stdexcept>
 #include <utility>
 
 #if defined(__SSE2__)
@@ -140,31 +139,26 @@ struct Swarm {
     }
 };
 
-TEST(Environment, AHookThatThrowsIsAnErrorNotACrash) {
-    bool throws = true;
+TEST(Environment, TheCallersTaskSystemGivesTheSameBits) {
+    int calls = 0;
     cairn_config config = {};
     config.struct_size = sizeof config;
-    config.threads = 2;
-    config.user = &throws;
+    config.threads = 3;
+    config.user = &calls;
     config.parallel_for = [](void* user, std::uint32_t count, cairn_task task, void* argument) {
-        if (*static_cast<bool*>(user))
-            throw std::runtime_error("from the hook");
-        for (std::uint32_t i = count; i-- > 0;)
+        ++*static_cast<int*>(user);
+        for (std::uint32_t i = count; i-- > 0;) // in another order than ours
             task(argument, i);
     };
     cairn_solver *solver = nullptr, *alone = nullptr;
     ASSERT_EQ(cairn_solver_create(&config, &solver), CAIRN_OK) << cairn_last_error();
     ASSERT_EQ(cairn_solver_create(nullptr, &alone), CAIRN_OK) << cairn_last_error();
     Swarm swarm, expected;
-    const std::vector<double> position = swarm.position, velocity = swarm.velocity;
-    EXPECT_EQ(cairn_solver_step(solver, &swarm.step, &swarm.results), CAIRN_ERROR_INTERNAL);
-    EXPECT_NE(std::string(cairn_last_error()).find("from the hook"), std::string::npos) << cairn_last_error();
-    EXPECT_EQ(swarm.position, position);
-    EXPECT_EQ(swarm.velocity, velocity);
-    throws = false;
+    const std::vector<double> before = swarm.position;
     EXPECT_EQ(cairn_solver_step(solver, &swarm.step, &swarm.results), CAIRN_OK) << cairn_last_error();
     EXPECT_EQ(cairn_solver_step(alone, &expected.step, &expected.results), CAIRN_OK) << cairn_last_error();
-    EXPECT_NE(swarm.position, position);
+    EXPECT_GT(calls, 0);
+    EXPECT_NE(swarm.position, before);
     EXPECT_EQ(swarm.position, expected.position);
     cairn_solver_destroy(alone);
     cairn_solver_destroy(solver);

@@ -21,7 +21,7 @@
  *   input is refused before anything is changed: the caller's arrays and the solver stay as they were.
  * - Ownership. Views and tables are borrowed for the duration of the call only. Strings returned live as long as the
  *   library, except cairn_last_error()'s, which lives until the same thread's next failing call.
- * - Threads. Distinct solvers are independent. One solver serves one thread at a time. No call throws.
+ * - Threads. Distinct solvers are independent. One solver serves one thread at a time. No call throws, and no hook may.
  * - Determinism. Results depend on the input alone: not on threads, instruction set, device or run.
  */
 #ifndef CAIRN_CAIRN_H
