@@ -9,6 +9,7 @@
 
 #include <cmath>
 #include <functional>
+#include <string>
 
 namespace {
 
@@ -70,11 +71,19 @@ TEST(Joints, HingeMotorTurnsAsBehindStock) {
 }
 
 TEST(Joints, HingeMotorIsBoundedByItsImpulse) {
-    TwoBodies w(Behind::cairn);
-    auto& hinge = w.join(std::make_unique<btHingeConstraint>(*w.a, *w.b, kFrameA, kFrameB, true));
-    hinge.enableAngularMotor(true, 100, btScalar(1e-4));
-    w.step();
-    EXPECT_NEAR(std::abs(hinge.getAppliedImpulse()), 1e-4, 1e-6);
+    for (const bool referenceA : {false, true}) {
+        double applied[2];
+        for (const Behind behind : {Behind::stock, Behind::cairn}) {
+            TwoBodies w(behind);
+            auto& hinge = w.join(std::make_unique<btHingeConstraint>(*w.a, *w.b, kFrameA, kFrameB, referenceA));
+            hinge.enableFeedback(true);
+            hinge.enableAngularMotor(true, 100, btScalar(1e-4));
+            w.step();
+            applied[behind == Behind::cairn ? 1 : 0] = static_cast<double>(hinge.getAppliedImpulse());
+        }
+        EXPECT_NEAR(std::abs(applied[1]), 1e-4, 1e-6);
+        EXPECT_NEAR(applied[1], applied[0], 1e-6) << "reference A: " << referenceA;
+    }
 }
 
 TEST(Joints, HingeStopsAtItsLimitsAsBehindStock) {
@@ -255,19 +264,54 @@ TEST(Joints, SixDofAnglesStopAsBehindStock) { turnIntoACorner<btGeneric6DofConst
 TEST(Joints, SixDofSpring2AnglesStopAsBehindStock) { turnIntoACorner<btGeneric6DofSpring2Constraint>("6-dof spring 2"); }
 
 // The types that are rows in part, or altogether.
+// A limited axis has two rows, a driven one a third: the springs' and servos' rows must be found behind them.
 TEST(Joints, SpringsMoveAsBehindStock) {
+    for (const bool among : {false, true}) {
+        expectLikeStock(
+            [&](TwoBodies& w) {
+                auto& joint = w.join(makeSixDof<btGeneric6DofSpring2Constraint>(w));
+                for (int i = 1; i < 6; ++i)
+                    joint.setLimit(i, 0, 0);
+                joint.setLimit(0, 1, -1);
+                if (among) {
+                    joint.setLimit(0, -2, 2);
+                    joint.setLimit(5, btScalar(-0.5), btScalar(0.5));
+                    joint.enableMotor(5, true);
+                    joint.setTargetVelocity(5, btScalar(0.3));
+                    joint.setMaxMotorForce(5, 10);
+                }
+                joint.enableSpring(0, true);
+                joint.setStiffness(0, 20);
+                joint.setDamping(0, 1);
+                joint.setEquilibriumPoint(0, btScalar(0.5));
+            },
+            60, 0.05, 0.05, among ? "spring among limits and a motor" : "spring");
+    }
     expectLikeStock(
         [&](TwoBodies& w) {
             auto& joint = w.join(makeSixDof<btGeneric6DofSpring2Constraint>(w));
-            for (int i = 1; i < 6; ++i)
+            for (int i = 0; i < 6; ++i)
                 joint.setLimit(i, 0, 0);
-            joint.setLimit(0, 1, -1);
-            joint.enableSpring(0, true);
-            joint.setStiffness(0, 20);
-            joint.setDamping(0, 1);
-            joint.setEquilibriumPoint(0, btScalar(0.5));
+            joint.setLimit(4, btScalar(-0.9), btScalar(0.9));
+            joint.enableMotor(4, true);
+            joint.setServo(4, true);
+            joint.setServoTarget(4, btScalar(0.4));
+            joint.setTargetVelocity(4, 1);
+            joint.setMaxMotorForce(4, 10);
         },
-        60, 0.05, 0.05, "6-dof spring 2");
+        90, 0.05, 0.05, "servo");
+    expectLikeStock(
+        [&](TwoBodies& w) {
+            auto& joint = w.join(std::make_unique<btGeneric6DofSpringConstraint>(*w.a, *w.b, kFrameA, kFrameB, true));
+            for (int i = 0; i < 5; ++i)
+                joint.setLimit(i, 0, 0);
+            joint.setLimit(5, 1, -1);
+            joint.enableSpring(5, true);
+            joint.setStiffness(5, 2);
+            joint.setDamping(5, 1);
+            joint.setEquilibriumPoint(5, btScalar(0.4));
+        },
+        60, 0.05, 0.1, "6-dof spring");
 }
 
 TEST(Joints, FixedHoldsBothKinds) {
@@ -283,7 +327,12 @@ TEST(Joints, FixedHoldsBothKinds) {
         } else {
             w.join(std::make_unique<btFixedConstraint>(post, arm, inPost, inArm));
         }
+        btJointFeedback feedback;
+        w.constraints.back()->setJointFeedback(&feedback);
         w.step(120);
+        EXPECT_NEAR(feedback.m_appliedForceBodyB.y(), 9.81, 0.05);
+        EXPECT_NEAR(feedback.m_appliedTorqueBodyB.z(), 0, 0.05) << "about the arm's own centre nothing is left to turn it";
+        EXPECT_NEAR(feedback.m_appliedTorqueBodyA.z(), -9.81 * 1.5, 0.1) << "the arm's weight on the post, 1.5 m away";
         EXPECT_LT((arm.getWorldTransform().getOrigin() - btVector3(btScalar(1.5), 5, 0)).length(), 0.01) << sixDof;
         EXPECT_LT(arm.getWorldTransform().getRotation().getAngleShortestPath(), 0.01) << sixDof;
     }
