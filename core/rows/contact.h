@@ -81,9 +81,11 @@ inline void build_contacts(const Frame<Real>& f, const Group& g, std::size_t lan
         }
         bias = select(apart, c / h, bias);
         if (f.phase == Phase::restitution) {
-            const Lane target = load_as<Lane>(cold + kApproach * kGroup);
-            const auto bounces = (target < zero) && (load_as<Lane>(cold + kTotal * kGroup) > zero);
+            const Lane target = load_as<Lane>(cold + kApproach * kGroup), total = load_as<Lane>(cold + kTotal * kGroup);
+            const auto bounces = (target < zero) && (total > zero);
             bias = select(bounces, target, bias);
+            // Bodies that have not met yet keep their speed for the next step: braked now, they would never bounce.
+            bias = select(apart && (total <= zero), Lane(Real(1e18)), bias);
         }
         store(bias, hot + kBias * kGroup);
         store(gamma, hot + kGamma * kGroup);
