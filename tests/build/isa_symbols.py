@@ -1,8 +1,8 @@
 """Fails if an object compiled for one instruction set defines an inline function that another might be linked with.
 
 The linker keeps one copy of a weak symbol. Were it the one with AVX-512 instructions, the library would crash on a
-processor without them. A weak symbol is safe if its mangled name mentions one of the instruction set's namespaces (as a scope
-or in a template argument), or a vector of std::experimental that only this instruction set has.
+processor without them. A weak symbol is safe if its mangled name mentions one of the instruction set's namespaces (as a
+scope or in a template argument), or a vector of std::experimental that only this instruction set has.
 """
 
 import argparse
