@@ -96,6 +96,7 @@ def html(study: Study) -> str:
         total=len(everything),
         footnote=study.facts.footnote,
         timing=_timing(comparisons),
+        scattered=any(row.scattered for row in timing.timing_table(comparisons)),
         paper_machine=timing.PAPER_MACHINE,
         split=timing.time_split(comparisons, study.facts.footnote),
         facts=_facts(study),
@@ -233,19 +234,21 @@ def _timing(comparisons: Sequence[Comparison]) -> list[dict[str, Any]]:
     table = timing.timing_table(comparisons)
     reference = {row.scene: row for row in table if row.method == METHODS[0]}
 
-    def ratio(value: float | None, of: float | None) -> str:
-        return f"{value / of:.2f}" if value and of else "–"
+    def ratio(value: float, of: float) -> str:
+        return f"{value / of:.2f}" if math.isfinite(value / of) else "–"
+
+    def ours(row: timing.TimingRow, preset: str) -> str:
+        return number(row.by_preset[preset]) + (" †" if preset in row.scattered else "")
 
     return [
         {
             "scene": row.scene,
             "method": NAMES[row.method],
             "first": row.method == METHODS[0],
-            "paper_preset": number(row.paper_preset or math.nan),
-            "default_preset": number(row.default_preset or math.nan),
-            "published": f"{row.paper_published:.4f}" if row.paper_published else "–",
-            "ratio": ratio(row.paper_preset, reference[row.scene].paper_preset),
-            "published_ratio": ratio(row.paper_published, reference[row.scene].paper_published),
+            "ours": [ours(row, preset) for preset in PRESETS],
+            "published": f"{row.published:.4f}" if math.isfinite(row.published) else "–",
+            "ratio": ratio(row.by_preset["paper"], reference[row.scene].by_preset["paper"]),
+            "published_ratio": ratio(row.published, reference[row.scene].published),
         }
         for row in table
     ]

@@ -119,6 +119,11 @@ class Comparison:
         found = (self.find(method, preset) for method in METHODS)
         return [result for result in found if result is not None]
 
+    def scattered(self, result: Result) -> bool:
+        """Whether a run solved under half the rows of the fullest one, its bodies having flown: its time misleads."""
+        rows = [r.number("rows") for r in self.results]
+        return result.number("rows") < max((n for n in rows if math.isfinite(n)), default=0.0) / 2
+
     @property
     def stock(self) -> Result | None:
         """Bullet's own solver with as many iterations as the methods have, else its most."""

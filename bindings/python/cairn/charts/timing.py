@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -42,8 +43,10 @@ def time_split(comparisons: Sequence[Comparison], footnote: str = "") -> str:
                 panel.barh(np.arange(len(bars)), widths, left=left, label=stage,
                            color=colour, hatch=hatch, edgecolor=style.PAPER, lw=0.5)  # fmt: skip
                 left += widths
-            for place, total in enumerate(left):
-                text = f" {total:.3g} ms" if total > 0 else " no run"
+            for place, (total, (method, preset)) in enumerate(zip(left, bars)):
+                result = comparison.find(method, preset)
+                mark = " †" if result is not None and comparison.scattered(result) else ""
+                text = f" {total:.3g} ms{mark}" if total > 0 else " no run"
                 panel.text(total, place, text, va="center", fontsize=8)
             panel.set_title(comparison.scene)
             panel.set_xlabel("solver time of a step [ms]")
@@ -63,13 +66,13 @@ def _stages(comparison: Comparison, method: str, preset: str) -> Mapping[str, fl
 
 @dataclass(frozen=True)
 class TimingRow:
-    """A method's median solver time of a step in a scene, ms; None where it did not run."""
+    """A method's median solver time of a step in a scene, ms."""
 
     scene: str
     method: str
-    paper_preset: float | None
-    default_preset: float | None
-    paper_published: float | None  # the paper's own figure, on its own machine
+    by_preset: Mapping[str, float]  # NaN where it did not run
+    scattered: tuple[str, ...]  # presets whose bodies flew apart, so that little was left to solve
+    published: float  # the paper's own figure, on its own machine; NaN if it has none
 
 
 def timing_table(comparisons: Sequence[Comparison]) -> list[TimingRow]:
@@ -77,11 +80,9 @@ def timing_table(comparisons: Sequence[Comparison]) -> list[TimingRow]:
     rows = []
     for comparison in comparisons:
         for method in METHODS:
-            times: list[float | None] = []
-            for preset in PRESETS:
-                result = comparison.find(method, preset)
-                milliseconds = float("nan") if result is None else result.number("solver_ms_median")
-                times.append(milliseconds if milliseconds == milliseconds else None)
-            published = PAPER_MS.get(comparison.scene, {}).get(method)
-            rows.append(TimingRow(comparison.scene, method, times[0], times[1], published))
+            runs = {preset: comparison.find(method, preset) for preset in PRESETS}
+            times = {p: math.nan if r is None else r.number("solver_ms_median") for p, r in runs.items()}
+            scattered = tuple(p for p, r in runs.items() if r is not None and comparison.scattered(r))
+            published = PAPER_MS.get(comparison.scene, {}).get(method, math.nan)
+            rows.append(TimingRow(comparison.scene, method, times, scattered, published))
     return rows
