@@ -173,11 +173,12 @@ def _places(takes: Sequence[Take]) -> tuple[list[Array], Array, Array]:
 def _seen(
     scene: Scene, tracks: Sequence[Array], offsets: Sequence[Array], low: Array, high: Array
 ) -> tuple[Array, Array]:
-    """Corners of the box to show: the start, and where an ordinary take goes; some fly much further."""
+    """Corners of the box to show: the start, and as far as the calmest take goes; others may leave the view."""
     solid = [index for index, body in enumerate(scene.bodies) if not isinstance(body.shape, Plane)]
-    lows = [np.percentile(track[:, solid, :3] + offset, 2, axis=(0, 1)) for track, offset in zip(tracks, offsets)]
-    highs = [np.percentile(track[:, solid, :3] + offset, 98, axis=(0, 1)) for track, offset in zip(tracks, offsets)]
-    return np.minimum(low, np.median(lows, axis=0)), np.maximum(high, np.median(highs, axis=0))
+    lows = [np.percentile(track[:, solid, :3], 2, axis=(0, 1)) for track in tracks]
+    highs = [np.percentile(track[:, solid, :3], 98, axis=(0, 1)) for track in tracks]
+    calmest = int(np.argmin([np.linalg.norm(top - bottom) for bottom, top in zip(lows, highs)]))
+    return np.minimum(low, lows[calmest] + offsets[0]), np.maximum(high, highs[calmest] + offsets[-1])
 
 
 def _camera(server: Any, low: Array, high: Array) -> None:

@@ -78,7 +78,8 @@ def error_against_time(
         panel.margins(x=0.1, y=0.08)
         style.layout(drawing)
         thread = {"arrowstyle": "-", "color": style.INK, "lw": 0.4, "alpha": 0.5}
-        adjust_text(texts, ax=panel, expand=(1.15, 1.3), arrowprops=thread)
+        x, y = [p.milliseconds for p in found], [top if p.error is None else p.height for p in found]
+        adjust_text(texts, x, y, ax=panel, expand=(1.25, 1.5), arrowprops=thread)
         return style.svg(drawing, f"{quantity.title} against solver time, {comparison.scene}", footnote)
 
 

@@ -110,11 +110,14 @@ def constraint_error(comparison: Comparison, quantity: Measured, footnote: str =
                 frame, low, high = buckets(result.series(quantity.key))
                 colour = style.COLOURS[method]
                 low, high = np.maximum(low, FLOOR), np.maximum(high, FLOOR)
-                panel.fill_between(frame, low, high, color=colour, alpha=0.25, lw=0)
-                panel.plot(frame, high, color=colour, lw=1.4, ls=style.DASHES[method], label=result.request.label)
+                standing = frame <= (result.collapsed_at or np.inf)  # the rest is told faintly: it is no pile any more
+                panel.fill_between(frame, low, high, where=standing, color=colour, alpha=0.25, lw=0)
+                panel.plot(frame, high, color=colour, lw=0.5, alpha=0.35)
+                panel.plot(frame[standing], high[standing], color=colour, lw=1.4, ls=style.DASHES[method])
                 drawn = np.flatnonzero(np.isfinite(high))
                 if len(drawn):
-                    ends[preset].append((float(frame[drawn[-1]]), float(high[drawn[-1]]), NAMES[method], colour))
+                    name = NAMES[method] + (" (fallen)" if result.collapsed_at is not None else "")
+                    ends[preset].append((float(frame[drawn[-1]]), float(high[drawn[-1]]), name, colour))
             panel.margins(x=0.01)
         axes[0].set_ylabel(quantity.axis)
         style.layout(drawing)

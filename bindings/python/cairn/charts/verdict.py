@@ -36,8 +36,8 @@ def rule(scene: Scene) -> str:
     if scene.joints:
         return f"A chain holds while no anchors are more than {joint_limit(scene):g} m apart, half a link's spacing."
     return (
-        f"Boxes part gently when no neighbours separate faster than {PUSH_SPEED * _SLACK:g} m/s: the default preset's cap on "
-        f"the speed of contacts, {PUSH_SPEED:g} m/s, and a twentieth."
+        f"Boxes part gently when no neighbours separate faster than {PUSH_SPEED * _SLACK:g} m/s: the default "
+        f"preset's cap on the speed of contacts, {PUSH_SPEED:g} m/s, and a twentieth."
     )
 
 
