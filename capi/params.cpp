@@ -21,12 +21,10 @@ constexpr CountRange kCounts[] = {
     {"iterations", &cairn_params::iterations, 1, kMostIterations},
     {"substeps", &cairn_params::substeps, 1, kMostSubsteps},
     {"position_iterations", &cairn_params::position_iterations, 0, kMostIterations},
-    {"relax_iterations", &cairn_params::relax_iterations, 0, kMostIterations},
     {"splitting", &cairn_params::splitting, 0, CAIRN_SPLIT_MANIFOLD},
     {"friction_model", &cairn_params::friction_model, 0, CAIRN_FRICTION_PYRAMID},
     {"acceleration", &cairn_params::acceleration, 0, CAIRN_ACCELERATION_NESTEROV},
     {"residual_trace", &cairn_params::residual_trace, 0, 1},
-    {"reserved", &cairn_params::reserved, 0, 0},
 };
 
 // `open`: low itself is out of range. Infinity is in range only where high is infinite.
@@ -37,10 +35,12 @@ struct RealRange {
     bool open;
     const char* permitted;
 };
+constexpr double kBelowOne = 1 - std::numeric_limits<double>::epsilon() / 2;
 constexpr double kLargest = std::numeric_limits<double>::max();
 constexpr RealRange kReals[] = {
     {"contact_warm_start", &cairn_params::contact_warm_start, 0, 1, false, "0 ... 1"},
     {"joint_warm_start", &cairn_params::joint_warm_start, 0, 1, false, "0 ... 1"},
+    {"relax_share", &cairn_params::relax_share, 0, kBelowOne, false, "0 ... below 1"},
     {"contact_baumgarte", &cairn_params::contact_baumgarte, 0, 1, false, "0 ... 1"},
     {"joint_baumgarte", &cairn_params::joint_baumgarte, 0, 1, false, "0 ... 1"},
     {"contact_hertz", &cairn_params::contact_hertz, 0, kLargest, true, "> 0 and finite"},
@@ -98,7 +98,7 @@ cairn_params to_c(const Params& params) {
     c.iterations = params.iterations;
     c.substeps = params.substeps;
     c.position_iterations = params.position_iterations;
-    c.relax_iterations = params.relax_iterations;
+    c.relax_share = params.relax_share;
     c.restitution_iterations = params.restitution_iterations;
     c.splitting = static_cast<std::uint32_t>(params.splitting);
     c.friction_model = static_cast<std::uint32_t>(params.friction_model);
@@ -131,7 +131,7 @@ Params check_params(const cairn_params* given) {
     params.iterations = c.iterations;
     params.substeps = c.substeps;
     params.position_iterations = c.position_iterations;
-    params.relax_iterations = c.relax_iterations;
+    params.relax_share = c.relax_share;
     params.restitution_iterations = c.restitution_iterations;
     params.splitting = static_cast<Splitting>(c.splitting);
     params.friction_model = static_cast<Friction>(c.friction_model);

@@ -58,11 +58,11 @@ template <class S> struct CpuExecutor {
         case Stage::begin:
         case Stage::build:
         case Stage::apply_start:
-            return frame.phase == Phase::substep ? &statistics.time_build : &statistics.time_finish;
+            return frame.phase != Phase::restitution ? &statistics.time_build : &statistics.time_finish;
         case Stage::sweep:
         case Stage::reduce:
         case Stage::apply:
-            return frame.phase == Phase::substep ? &statistics.time_sweep : &statistics.time_finish;
+            return frame.phase != Phase::restitution ? &statistics.time_sweep : &statistics.time_finish;
         case Stage::position_sweep:
         case Stage::position_apply:
             return &statistics.time_position;
@@ -75,7 +75,7 @@ template <class S> struct CpuExecutor {
     }
 
     bool traced() {
-        if (params.residual_trace && frame.phase == Phase::substep) {
+        if (params.residual_trace && frame.phase != Phase::restitution) {
             double sum = 0;
             for (std::uint32_t i = 0; i < frame.island_count; ++i)
                 sum += static_cast<double>(frame.control[i].residual);
@@ -124,7 +124,7 @@ template <class S> class SolverOf final : public Solver {
         plan.substeps = params.substeps;
         plan.iterations = params.iterations;
         plan.position_iterations = row_of(params.method).position_sweeps ? params.position_iterations : 0;
-        plan.relax_iterations = params.relax_iterations;
+        plan.relax_share = params.relax_share;
         plan.constrained = f.contact_groups + f.joint_groups + f.raw_groups > 0;
         plan.bounces = scene_.bounces && plan.constrained;
         plan.restitution_iterations =
@@ -152,7 +152,8 @@ template <class S> class SolverOf final : public Solver {
         }
         if (plan.constrained) {
             now.position_iterations = plan.position_iterations * plan.substeps;
-            now.relax_iterations = plan.relax_iterations * plan.substeps;
+            for (std::uint32_t substep = 0; substep < plan.substeps; ++substep)
+                now.relax_iterations += plan.relaxed(substep);
         }
         if (plan.bounces)
             now.restitution_iterations = plan.restitution_iterations;

@@ -31,12 +31,12 @@ constexpr const MethodRow& row_of(Method method) { return kMethods[static_cast<s
 // Field by field cairn_params, whose comments say what each means.
 struct Params {
     Method method;
-    std::uint32_t iterations, substeps, position_iterations, relax_iterations, restitution_iterations;
+    std::uint32_t iterations, substeps, position_iterations, restitution_iterations;
     Splitting splitting;
     Friction friction_model;
     Acceleration acceleration;
     bool residual_trace;
-    double contact_warm_start, joint_warm_start;
+    double contact_warm_start, joint_warm_start, relax_share;
     double contact_baumgarte, joint_baumgarte;
     double contact_hertz, contact_damping_ratio, joint_hertz, joint_damping_ratio, hertz_limit, static_hertz_scale;
     double max_push_speed, restitution_threshold, residual_tolerance;

@@ -9,12 +9,18 @@
 namespace cairn {
 
 struct Plan {
-    std::uint32_t substeps, iterations, position_iterations, relax_iterations, restitution_iterations;
+    std::uint32_t substeps, iterations, position_iterations, restitution_iterations;
+    double relax_share;
     bool bounces;     // some contact has restitution
     bool constrained; // there is anything to sweep
 
     // Sweeps of a substep: the iterations shared out evenly, the earlier ones taking what is left over.
     std::uint32_t sweeps(std::uint32_t substep) const { return iterations / substeps + (substep < iterations % substeps ? 1 : 0); }
+    // How many of them go without bias, after the integration; at least one does not. (1e-9: a third of 30 is 10.)
+    std::uint32_t relaxed(std::uint32_t substep) const {
+        const std::uint32_t all = sweeps(substep), share = static_cast<std::uint32_t>(all * relax_share + 1e-9);
+        return share < all ? share : all - 1;
+    }
 };
 
 template <class Executor> void solve_velocities(Executor& run, Phase phase, std::uint32_t sweeps) {
@@ -53,14 +59,14 @@ template <class Executor> void run_schedule(Executor& run, const Plan& plan) {
         run.each(Stage::forces);
         run.before_sweeps();
         if (plan.constrained)
-            solve_velocities(run, Phase::substep, plan.sweeps(substep));
+            solve_velocities(run, Phase::substep, plan.sweeps(substep) - plan.relaxed(substep));
         run.after_sweeps();
         run.each(Stage::integrate);
         if (!plan.constrained)
             continue;
         solve_positions(run, plan.position_iterations);
-        if (plan.relax_iterations > 0)
-            solve_velocities(run, Phase::relax, plan.relax_iterations);
+        if (plan.relaxed(substep) > 0)
+            solve_velocities(run, Phase::relax, plan.relaxed(substep));
         run.each(Stage::accumulate);
     }
     run.substeps_done();

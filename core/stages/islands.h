@@ -42,7 +42,7 @@ inline void reduce_island(const Frame<Real>& f, std::uint32_t i) {
     if (!(c.active > 0))
         return;
     c.residual = tree_sum(f.partial_residual, f.island_begin[i], f.island_begin[i + 1]);
-    if (f.phase == Phase::substep)
+    if (f.phase != Phase::restitution)
         ++c.iterations;
     if (f.momentum) {
         if (tree_sum(f.partial_restart, f.island_begin[i], f.island_begin[i + 1]) > 0) {

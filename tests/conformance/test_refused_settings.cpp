@@ -78,13 +78,13 @@ TEST_F(RefusedSettings, ParametersOutOfRange) {
         refused(method, &P::substeps, 2u, "params.substeps is 2: must be 1 for the method pj");
     refused(tj, &P::substeps, 1000u, "params.substeps is 1000: must be at most params.iterations");
     refused(CAIRN_METHOD_PJNJ, &P::position_iterations, 1000001u, "params.position_iterations is 1000001");
-    refused(tj, &P::relax_iterations, 1000001u, "params.relax_iterations is 1000001");
+    refused(tj, &P::relax_share, 1.0, "params.relax_share is 1: must be 0 ... below 1");
+    refused(tj, &P::relax_share, -0.5, "params.relax_share is -0.5");
     refused(tj, &P::restitution_iterations, 1000001u, "params.restitution_iterations is 1000001");
     refused(tj, &P::splitting, 2u, "params.splitting is 2: must be 0 ... 1");
     refused(tj, &P::friction_model, 3u, "params.friction_model is 3");
     refused(tj, &P::acceleration, 2u, "params.acceleration is 2");
     refused(tj, &P::residual_trace, 2u, "params.residual_trace is 2");
-    refused(tj, &P::reserved, 1u, "params.reserved is 1: must be 0");
     refused(tj, &P::contact_warm_start, 1.5, "params.contact_warm_start is 1.5: must be 0 ... 1");
     refused(tj, &P::joint_warm_start, -0.5, "params.joint_warm_start is -0.5");
     refused(tj, &P::contact_baumgarte, nan, "params.contact_baumgarte is nan");

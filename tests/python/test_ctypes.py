@@ -58,11 +58,11 @@ class Results(c.Structure):
 
 
 WHOLE_PARAMS = (
-    "struct_size method iterations substeps position_iterations relax_iterations restitution_iterations splitting "
-    "friction_model acceleration residual_trace reserved"
+    "struct_size method iterations substeps position_iterations restitution_iterations splitting "
+    "friction_model acceleration residual_trace"
 )
 REAL_PARAMS = (
-    "contact_warm_start joint_warm_start contact_baumgarte joint_baumgarte contact_hertz contact_damping_ratio "
+    "contact_warm_start joint_warm_start relax_share contact_baumgarte joint_baumgarte contact_hertz contact_damping_ratio "
     "joint_hertz joint_damping_ratio hertz_limit static_hertz_scale max_push_speed restitution_threshold "
     "residual_tolerance"
 )

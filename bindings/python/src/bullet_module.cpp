@@ -50,7 +50,6 @@ template <class Params, class Visit> void eachParam(Params& p, Visit visit) {
     visit("iterations", p.iterations);
     visit("substeps", p.substeps);
     visit("position_iterations", p.position_iterations);
-    visit("relax_iterations", p.relax_iterations);
     visit("restitution_iterations", p.restitution_iterations);
     visit("splitting", p.splitting);
     visit("friction_model", p.friction_model);
@@ -58,6 +57,7 @@ template <class Params, class Visit> void eachParam(Params& p, Visit visit) {
     visit("residual_trace", p.residual_trace);
     visit("contact_warm_start", p.contact_warm_start);
     visit("joint_warm_start", p.joint_warm_start);
+    visit("relax_share", p.relax_share);
     visit("contact_baumgarte", p.contact_baumgarte);
     visit("joint_baumgarte", p.joint_baumgarte);
     visit("contact_hertz", p.contact_hertz);

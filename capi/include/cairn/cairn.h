@@ -242,18 +242,19 @@ typedef struct cairn_results {
 typedef struct cairn_params {
     uint32_t struct_size;
     uint32_t method;                 /* CAIRN_METHOD_... */
-    uint32_t iterations;             /* velocity sweeps of a whole step, shared out over the substeps; 1 ... 1 000 000 */
+    uint32_t iterations;             /* velocity sweeps of a whole step, relaxation included, shared out over the substeps;
+                                        1 ... 1 000 000 */
     uint32_t substeps;               /* 1 ... 1000, <= iterations; 1 for PJ, PJNJ and PJSoft */
     uint32_t position_iterations;    /* PJNJ only: nonlinear position sweeps of a step; 0 ... 1 000 000 */
-    uint32_t relax_iterations;       /* sweeps without bias after each substep's integration */
     uint32_t restitution_iterations; /* sweeps at the step's end where a contact bounces; or CAIRN_SAME_AS_SWEEPS */
     uint32_t splitting;              /* CAIRN_SPLIT_... */
     uint32_t friction_model;         /* CAIRN_FRICTION_... */
     uint32_t acceleration;           /* CAIRN_ACCELERATION_... */
     uint32_t residual_trace;         /* 1: record the residual of every sweep (cairn_solver_residual_trace) */
-    uint32_t reserved;               /* 0 */
     double contact_warm_start;       /* share of the last impulse to start from; 0 (cold) ... 1 */
     double joint_warm_start;         /* likewise; keep <= 0.5 with a rigid bias: see README, "limits" */
+    double relax_share;              /* share of a substep's sweeps, rounded down, that come after its poses are integrated, without
+                                        bias: they take the push-out speed out again; 0 ... below 1 */
     double contact_baumgarte;        /* share of the error removed per substep (paper eq. 20), 0 ... 1; PJ, TJ */
     double joint_baumgarte;          /* likewise */
     double contact_hertz;            /* Hz, > 0; soft constraints (paper eq. 22); PJSoft, TJSoft */
@@ -317,7 +318,7 @@ typedef struct cairn_statistics {
     uint32_t substeps;
     uint32_t iterations;          /* velocity sweeps, of the busiest island */
     uint32_t position_iterations;
-    uint32_t relax_iterations;
+    uint32_t relax_iterations;    /* how many of the iterations went without bias */
     uint32_t restitution_iterations;
     uint32_t warm_started;        /* contacts, joints and raw rows whose impulse was found in the cache */
     uint32_t rotation_clamped;    /* times that a body's turn in a substep was cut to pi/4 */
