@@ -43,7 +43,7 @@ RUN_SECONDS = 450.0  # what the runs may take; measuring their cost, charts and 
 WINDOWS = {
     "stack": report.Window(frames=None, every=12, speed=3.0),
     "chain": report.Window(frames=960, every=4, speed=1.0),
-    "overlap": report.Window(frames=240, every=2, speed=0.5),
+    "overlap": report.Window(frames=240, every=2, speed=0.5, charted=300),
 }
 
 

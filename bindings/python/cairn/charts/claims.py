@@ -212,7 +212,7 @@ def _timing(comparison: Comparison) -> Claim:
         and min(times["tj"], times["tjsoft"]) > max(times["pj"], times["pjsoft"])
     )
     listed = ", ".join(f"{NAMES[m]} {t:.3g} ms" for m, t in sorted(times.items(), key=lambda kv: kv[1]))
-    gone = f"; {' and '.join(empty)} had little left to solve" if empty else ""
+    gone = f"; {', '.join(empty)} had little left to solve" if empty else ""
     return _decide(
         comparison,
         "PJ and PJSoft are the quickest, TJ and TJSoft a little slower, PJNJ the slowest",

@@ -44,10 +44,11 @@ def _threshold(results: Sequence[Result], key: str) -> float:
     return 10.0 ** math.floor(math.log10(min(medians))) if medians else 1e-6
 
 
-def energy_change(comparison: Comparison, footnote: str = "") -> str:
+def energy_change(comparison: Comparison, footnote: str = "", frames: int | None = None) -> str:
     """A strip a method, a column a preset: what the solve changes of the kinetic energy, stock PGS in grey behind.
 
-    Where frames outnumber pixels, the band runs from the lowest to the highest frame of each pixel.
+    Where frames outnumber pixels, the band runs from the lowest to the highest frame of each pixel. frames: the first
+    so many are drawn; None for all.
     """
     shown = [result for preset in PRESETS for result in comparison.preset(preset)]
     stock = comparison.stock
@@ -57,7 +58,7 @@ def energy_change(comparison: Comparison, footnote: str = "") -> str:
             for column, preset in enumerate(PRESETS):
                 panel = axes[row, column]
                 if stock is not None:
-                    frame, low, high = buckets(stock.series(ENERGY_CHANGE.key))
+                    frame, low, high = buckets(stock.series(ENERGY_CHANGE.key)[:frames])
                     panel.fill_between(frame, low, high, color=style.COLOURS["stock"], alpha=0.45, lw=0.8)
                 result = comparison.find(method, preset)
                 title = f"{NAMES[method]}, {preset}"
@@ -66,7 +67,7 @@ def energy_change(comparison: Comparison, footnote: str = "") -> str:
                         0.5, 0.5, "did not run" if result is None else "failed", transform=panel.transAxes, ha="center"
                     )
                 else:
-                    frame, low, high = buckets(result.series(ENERGY_CHANGE.key))
+                    frame, low, high = buckets(result.series(ENERGY_CHANGE.key)[:frames])
                     panel.fill_between(frame, low, high, color=style.COLOURS[method], alpha=0.9, lw=0.8)
                     _mark_collapse(panel, result)
                 panel.set_title(title, fontsize=9.5, pad=2)
@@ -95,8 +96,11 @@ def _mark_collapse(panel: Axes, result: Result) -> None:
                        textcoords="offset points", va="top", fontsize=8)  # fmt: skip
 
 
-def constraint_error(comparison: Comparison, quantity: Measured, footnote: str = "") -> str:
-    """The worst constraint error of every frame, a panel a preset, logarithmic from FLOOR up; stock PGS in grey."""
+def constraint_error(comparison: Comparison, quantity: Measured, footnote: str = "", frames: int | None = None) -> str:
+    """The worst constraint error of every frame, a panel a preset, logarithmic from FLOOR up; stock PGS in grey.
+
+    frames: the first so many are drawn; None for all.
+    """
     stock = comparison.stock
     with style.figure(4.3) as drawing:
         axes = drawing.subplots(1, len(PRESETS), sharey=True, squeeze=False)[0]
@@ -107,7 +111,7 @@ def constraint_error(comparison: Comparison, quantity: Measured, footnote: str =
             panel.set_xlabel("frame")
             for result in ([stock] if stock is not None else []) + comparison.preset(preset):
                 method = result.request.method
-                frame, low, high = buckets(result.series(quantity.key))
+                frame, low, high = buckets(result.series(quantity.key)[:frames])
                 colour = style.COLOURS[method]
                 low, high = np.maximum(low, FLOOR), np.maximum(high, FLOOR)
                 standing = frame <= (result.collapsed_at or np.inf)  # the rest is told faintly: it is no pile any more

@@ -24,11 +24,12 @@ TITLES = {"stack": "Box stack", "chain": "Chain and ball", "overlap": "Overlap"}
 
 @dataclass(frozen=True)
 class Window:
-    """Which frames of a scene its replay shows, and how fast."""
+    """Which frames of a scene its replay and its charts show, and how fast the replay goes."""
 
     frames: int | None  # the first so many; None: all of the run
     every: int  # frames from one pose to the next
     speed: float  # times real time
+    charted: int | None = None  # as frames, for the charts against the frame
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,8 @@ def _facts(study: Study) -> list[tuple[str, str]]:
 def _scene(study: Study, comparison: Comparison, pages: Sequence[tuple[str, replay.Page]]) -> dict[str, Any]:
     scene, foot = study.scenes[comparison.scene], study.facts.footnote
     headline, error = verdict.headline(scene), verdict.error_of(scene)
+    charted = study.windows[comparison.scene].charted
+    part = f" The first {charted} frames." if charted is not None and charted < comparison.frames else ""
     columns = [headline] + ([error] if error != headline else [])
     figures = [
         (
@@ -133,17 +136,17 @@ def _scene(study: Study, comparison: Comparison, pages: Sequence[tuple[str, repl
         (
             "energy",
             "Energy change of a step",
-            frames.energy_change(comparison, foot),
+            frames.energy_change(comparison, foot, charted),
             f"Kinetic energy after the solve less that before it; the paper's Figure {_FIGURES[comparison.scene]}b. "
             f"Grey: {_stock(comparison)}. "
-            "Where frames outnumber pixels the band runs from the lowest to the highest.",
+            f"Where frames outnumber pixels the band runs from the lowest to the highest.{part}",
         ),
         (
             "error",
             "Constraint error",
-            frames.constraint_error(comparison, error, foot),
+            frames.constraint_error(comparison, error, foot, charted),
             f"{error.title.capitalize()} at every frame; the paper's Figure {_FIGURES[comparison.scene]}c. "
-            f"Grey: {_stock(comparison)}. Errors below 1 µm are drawn at 1 µm.",
+            f"Grey: {_stock(comparison)}. Errors below 1 µm are drawn at 1 µm.{part}",
         ),
     ]
     if comparison.scene == "overlap":
@@ -234,8 +237,8 @@ def _timing(comparisons: Sequence[Comparison]) -> list[dict[str, Any]]:
     table = timing.timing_table(comparisons)
     reference = {row.scene: row for row in table if row.method == METHODS[0]}
 
-    def ratio(value: float, of: float) -> str:
-        return f"{value / of:.2f}" if math.isfinite(value / of) else "–"
+    def ratio(value: float, of: float, comparable: bool = True) -> str:
+        return f"{value / of:.2f}" if comparable and math.isfinite(value / of) else "–"
 
     def ours(row: timing.TimingRow, preset: str) -> str:
         return number(row.by_preset[preset]) + (" †" if preset in row.scattered else "")
@@ -247,7 +250,11 @@ def _timing(comparisons: Sequence[Comparison]) -> list[dict[str, Any]]:
             "first": row.method == METHODS[0],
             "ours": [ours(row, preset) for preset in PRESETS],
             "published": f"{row.published:.4f}" if math.isfinite(row.published) else "–",
-            "ratio": ratio(row.by_preset["paper"], reference[row.scene].by_preset["paper"]),
+            "ratio": ratio(
+                row.by_preset["paper"],
+                reference[row.scene].by_preset["paper"],
+                "paper" not in row.scattered + reference[row.scene].scattered,
+            ),
             "published_ratio": ratio(row.published, reference[row.scene].published),
         }
         for row in table

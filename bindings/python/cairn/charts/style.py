@@ -110,8 +110,9 @@ def label_ends(axes: Axes, ends: list[End], gap: float = 11.0) -> None:
     heights: list[float] = []
     for height, *_ in placed:
         heights.append(height if not heights else max(height, heights[-1] + gap))
-    # Pushing up only would leave the lot too high: move it back by the mean push.
+    # Pushing up only would leave the lot too high: move it back by the mean push, though not below the axes.
     shift = sum(h - p[0] for h, p in zip(heights, placed)) / len(placed) if placed else 0.0
+    shift = min([shift, *(height - axes.bbox.y0 * points - gap / 2 for height in heights[:1])])
     for target, (height, x, y, text, colour) in zip(heights, placed):
         offset = target - shift - height
         axes.annotate(text, (x, y), xytext=(6, offset), textcoords="offset points", va="center", fontsize=9,
