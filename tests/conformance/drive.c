@@ -9,7 +9,7 @@
 
 static int failures = 0;
 
-static int report(int good, const char *what, int line) {
+static int report(int good, const char* what, int line) {
     if (!good) {
         fprintf(stderr, "drive.c:%d: %s\n", line, what);
         ++failures;
@@ -38,7 +38,7 @@ struct world {
     uint32_t contacts;
 };
 
-static cairn_view view(void *data, size_t stride, uint32_t type) {
+static cairn_view view(void* data, size_t stride, uint32_t type) {
     cairn_view v;
     memset(&v, 0, sizeof v);
     v.data = data;
@@ -47,11 +47,11 @@ static cairn_view view(void *data, size_t stride, uint32_t type) {
     return v;
 }
 
-static void start(struct world *w) {
+static void start(struct world* w) {
     int i;
     memset(w, 0, sizeof *w);
     for (i = 0; i < BODIES; ++i) {
-        struct body *b = &w->body[i];
+        struct body* b = &w->body[i];
         b->position[0] = (float)i;
         b->position[2] = (float)(half + 0.05);
         b->orientation[3] = 1;
@@ -61,11 +61,12 @@ static void start(struct world *w) {
     }
 }
 
-static void add_contact(struct world *w, int body, double x, double y, double z, uint64_t key) {
-    struct body *b = &w->body[body];
-    struct contact *c = &w->contact[w->contacts];
+static void add_contact(struct world* w, int body, double x, double y, double z, uint64_t key) {
+    struct body* b = &w->body[body];
+    struct contact* c = &w->contact[w->contacts];
     const double distance = b->position[2] + z;
-    if (distance > 0.02) return;
+    if (distance > 0.02)
+        return;
     memset(c, 0, sizeof *c);
     c->a = CAIRN_WORLD;
     c->b = body;
@@ -82,8 +83,8 @@ static void add_contact(struct world *w, int body, double x, double y, double z,
 }
 
 /* The box's lower corners, turned with it, and the ball's lowest point. */
-static void collide(struct world *w) {
-    const float *q = w->body[0].orientation;
+static void collide(struct world* w) {
+    const float* q = w->body[0].orientation;
     int i;
     w->contacts = 0;
     for (i = 0; i < 4; ++i) {
@@ -95,7 +96,7 @@ static void collide(struct world *w) {
     add_contact(w, 1, 0, 0, -half, 5);
 }
 
-static cairn_status step(const cairn_api *api, cairn_solver *solver, struct world *w) {
+static cairn_status step(const cairn_api* api, cairn_solver* solver, struct world* w) {
     static float anchor_a[3] = {0.5f, 0, 0}, anchor_b[3] = {-0.5f, 0, 0};
     static int32_t joint_a = 0, joint_b = 1;
     static uint64_t joint_key = 99;
@@ -161,17 +162,18 @@ static cairn_status step(const cairn_api *api, cairn_solver *solver, struct worl
     results.contact_impulse = view(impulse, 0, CAIRN_F32);
     status = api->solver_step(solver, &input, &results);
     if (status == CAIRN_OK) {
-        for (i = 0; i < w->contacts; ++i) EXPECT(impulse[i] >= 0);
+        for (i = 0; i < w->contacts; ++i)
+            EXPECT(impulse[i] >= 0);
     }
     return status;
 }
 
-static void run_method(const cairn_api *api, uint32_t method) {
+static void run_method(const cairn_api* api, uint32_t method) {
     struct world w, copy;
     cairn_solver *solver = NULL, *second = NULL;
     cairn_params params;
     cairn_statistics statistics;
-    void *cache;
+    void* cache;
     size_t size = 0;
     int frame;
 
@@ -179,7 +181,8 @@ static void run_method(const cairn_api *api, uint32_t method) {
     params.struct_size = sizeof params;
     EXPECT(api->params_preset(method, CAIRN_PRESET_DEFAULT, &params) == CAIRN_OK);
     EXPECT(params.method == method);
-    if (!EXPECT(api->solver_create(NULL, &solver) == CAIRN_OK)) return;
+    if (!EXPECT(api->solver_create(NULL, &solver) == CAIRN_OK))
+        return;
     if (!EXPECT(api->solver_create(NULL, &second) == CAIRN_OK)) {
         api->solver_destroy(solver);
         return;
@@ -215,7 +218,8 @@ static void run_method(const cairn_api *api, uint32_t method) {
     }
     w.body[0].linear[1] = w.body[1].linear[2] = 0.5f; /* something to do */
     copy = w;
-    for (frame = 0; frame < 10; ++frame) EXPECT(step(api, solver, &w) == CAIRN_OK && step(api, second, &copy) == CAIRN_OK);
+    for (frame = 0; frame < 10; ++frame)
+        EXPECT(step(api, solver, &w) == CAIRN_OK && step(api, second, &copy) == CAIRN_OK);
     EXPECT(memcmp(w.body, copy.body, sizeof w.body) == 0);
 
     /* a refused input changes nothing */
@@ -230,11 +234,12 @@ static void run_method(const cairn_api *api, uint32_t method) {
 }
 
 int main(void) {
-    const cairn_api *api = cairn_get_api(CAIRN_ABI_VERSION);
+    const cairn_api* api = cairn_get_api(CAIRN_ABI_VERSION);
     cairn_info info;
     uint32_t method;
 
-    if (!EXPECT(api != NULL)) return EXIT_FAILURE;
+    if (!EXPECT(api != NULL))
+        return EXIT_FAILURE;
     EXPECT(cairn_get_api(CAIRN_ABI_VERSION + 1) == NULL);
     EXPECT(api->struct_size >= sizeof(cairn_api));
     EXPECT(api->abi_version == CAIRN_ABI_VERSION);
@@ -245,7 +250,9 @@ int main(void) {
     EXPECT(api->status_name(CAIRN_ERROR_INVALID_DATA) != NULL && api->status_name(12345) == NULL);
     EXPECT(api->method_name(CAIRN_METHOD_COUNT) == NULL);
     api->solver_destroy(NULL);
-    for (method = 0; method < CAIRN_METHOD_COUNT; ++method) run_method(api, method);
-    if (failures == 0) printf("cairn %u.%u.%u: all is well (%s)\n", info.version[0], info.version[1], info.version[2], info.build);
+    for (method = 0; method < CAIRN_METHOD_COUNT; ++method)
+        run_method(api, method);
+    if (failures == 0)
+        printf("cairn %u.%u.%u: all is well (%s)\n", info.version[0], info.version[1], info.version[2], info.build);
     return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
 }

@@ -48,7 +48,8 @@ Dense::Dense(const Scene& scene, double h) {
         v_free.segment<3>(6 * i) = body.linear;
         v_free.segment<3>(6 * i + 3) = body.angular;
         v_free.segment<6>(6 * i) += h * (w.block<6, 6>(6 * i, 6 * i) * wrench);
-        if (movable(body)) v_free.segment<3>(6 * i) += h * scene.gravity;
+        if (movable(body))
+            v_free.segment<3>(6 * i) += h * scene.gravity;
     }
 }
 
@@ -66,11 +67,11 @@ Eigen::Index Dense::new_rows(Eigen::Index count, int block_number, bool is_unila
 }
 
 void Dense::set_row(Eigen::Index row, int body, const Vec3& linear, const Vec3& angular) {
-    if (body < 0) return;
+    if (body < 0)
+        return;
     j.block<1, 3>(row, 6 * body) = linear.transpose();
     j.block<1, 3>(row, 6 * body + 3) = angular.transpose();
 }
-
 
 void Dense::add_contact(const Scene& scene, const Contact& c, const BiasRule& rule, bool friction, int block_number) {
     const Eigen::Index row = new_rows(friction ? 3 : 1, block_number, true);
@@ -82,7 +83,8 @@ void Dense::add_contact(const Scene& scene, const Contact& c, const BiasRule& ru
     for (Eigen::Index i = 0; i < (friction ? 3 : 1); ++i) {
         set_row(row + i, c.a, -d[i], -at_a.cross(d[i]));
         set_row(row + i, c.b, d[i], at_b.cross(d[i]));
-        if (i > 0) unilateral[static_cast<std::size_t>(row + i)] = false;
+        if (i > 0)
+            unilateral[static_cast<std::size_t>(row + i)] = false;
     }
     if (c.separation > 0) {
         bias[row] = c.separation / rule.h;
@@ -105,7 +107,8 @@ void Dense::add_joint(const Scene& scene, const Joint& joint, const BiasRule& ru
     };
     const Vec3 gap = joint_gap(scene, joint), at_b = arm(joint.b, joint.anchor_b), at_a = arm(joint.a, joint.anchor_a) + gap;
     for (int axis = 0; axis < 6; ++axis) {
-        if (joint.axes[static_cast<std::size_t>(axis)] != CAIRN_AXIS_LOCKED) continue;
+        if (joint.axes[static_cast<std::size_t>(axis)] != CAIRN_AXIS_LOCKED)
+            continue;
         const Eigen::Index row = new_rows(1, block_number, false);
         const Vec3 d = axes.col(axis % 3);
         double error = 0;
@@ -137,7 +140,8 @@ Mat Dense::split(const std::vector<std::uint32_t>& counts) const {
     Mat d = j * scaled * j.transpose();
     for (Eigen::Index r = 0; r < d.rows(); ++r) {
         for (Eigen::Index c = 0; c < d.cols(); ++c) {
-            if (block[static_cast<std::size_t>(r)] != block[static_cast<std::size_t>(c)]) d(r, c) = 0;
+            if (block[static_cast<std::size_t>(r)] != block[static_cast<std::size_t>(c)])
+                d(r, c) = 0;
         }
     }
     return d;
@@ -156,23 +160,28 @@ std::optional<Vec> Dense::solve_lcp() const {
     const Eigen::Index n = m.rows();
     const double scale = 1 + rhs.cwiseAbs().maxCoeff();
     std::vector<Eigen::Index> free, bounded;
-    for (Eigen::Index i = 0; i < n; ++i) (unilateral[static_cast<std::size_t>(i)] ? bounded : free).push_back(i);
+    for (Eigen::Index i = 0; i < n; ++i)
+        (unilateral[static_cast<std::size_t>(i)] ? bounded : free).push_back(i);
     for (std::size_t set = 0; set < (std::size_t{1} << bounded.size()); ++set) {
         std::vector<Eigen::Index> active = free;
         for (std::size_t k = 0; k < bounded.size(); ++k) {
-            if ((set >> k) & 1u) active.push_back(bounded[k]);
+            if ((set >> k) & 1u)
+                active.push_back(bounded[k]);
         }
         Vec lambda = Vec::Zero(n);
         if (!active.empty()) {
             const Mat sub = m(active, active);
             const Vec x = sub.completeOrthogonalDecomposition().solve(-rhs(active));
-            if ((sub * x + rhs(active)).cwiseAbs().maxCoeff() > 1e-11 * scale) continue;
-            for (std::size_t k = 0; k < active.size(); ++k) lambda[active[k]] = x[static_cast<Eigen::Index>(k)];
+            if ((sub * x + rhs(active)).cwiseAbs().maxCoeff() > 1e-11 * scale)
+                continue;
+            for (std::size_t k = 0; k < active.size(); ++k)
+                lambda[active[k]] = x[static_cast<Eigen::Index>(k)];
         }
         const Vec residual = m * lambda + rhs;
         const bool feasible = std::all_of(bounded.begin(), bounded.end(),
                                           [&](Eigen::Index i) { return lambda[i] > -1e-11 * scale && residual[i] > -1e-11 * scale; });
-        if (feasible) return lambda;
+        if (feasible)
+            return lambda;
     }
     return std::nullopt;
 }
@@ -181,9 +190,11 @@ std::optional<std::uint32_t> Dense::sweeps_needed(const Vec& lambda, const std::
                                                   std::uint32_t most) const {
     std::vector<Eigen::Index> active;
     for (Eigen::Index i = 0; i < lambda.size(); ++i) {
-        if (!unilateral[static_cast<std::size_t>(i)] || lambda[i] > 1e-9) active.push_back(i);
+        if (!unilateral[static_cast<std::size_t>(i)] || lambda[i] > 1e-9)
+            active.push_back(i);
     }
-    if (active.empty()) return 50;
+    if (active.empty())
+        return 50;
     Mat m = a(), d = split(counts);
     m.diagonal() += gamma;
     d.diagonal() += gamma;
@@ -191,10 +202,12 @@ std::optional<std::uint32_t> Dense::sweeps_needed(const Vec& lambda, const std::
     const Eigen::GeneralizedSelfAdjointEigenSolver<Mat> pencil(m_active, d_active, Eigen::EigenvaluesOnly);
     double slowest = 1;
     for (const double e : pencil.eigenvalues()) {
-        if (e > 1e-9) slowest = std::min(slowest, e); // what is smaller is A's null space, where nothing is to be done
+        if (e > 1e-9)
+            slowest = std::min(slowest, e); // what is smaller is A's null space, where nothing is to be done
     }
     const double sweeps = slowest >= 1 ? 1 : std::log(shrink) / std::log1p(-slowest);
-    if (!(sweeps < most)) return std::nullopt;
+    if (!(sweeps < most))
+        return std::nullopt;
     return static_cast<std::uint32_t>(sweeps) + 50;
 }
 
@@ -239,7 +252,8 @@ void add_random_joints(Random& random, Scene& scene, double gap) {
         const int parent = i == 0 ? CAIRN_WORLD : static_cast<int>(random() % static_cast<std::uint64_t>(i));
         join(parent, i, static_cast<std::uint32_t>(random() % 4));
     }
-    if (count > 2) join(0, count - 1, CAIRN_JOINT_BALL);
+    if (count > 2)
+        join(0, count - 1, CAIRN_JOINT_BALL);
 }
 
 // Random contacts between random bodies (and the world), in manifolds of one to four points with one normal.
@@ -248,7 +262,8 @@ void add_random_contacts(Random& random, Scene& scene, int count, double frictio
     while (count > 0) {
         const int b = static_cast<int>(random() % static_cast<std::uint64_t>(bodies));
         const int a = static_cast<int>(random() % static_cast<std::uint64_t>(bodies + 1)) - 1;
-        if (a == b) continue;
+        if (a == b)
+            continue;
         const Vec3 normal = random_unit(random), center_a = a < 0 ? Vec3::Zero() : scene.bodies[static_cast<std::size_t>(a)].position;
         for (int points = std::min(count, 1 + static_cast<int>(random() % 4)); points > 0; --points, --count) {
             Contact c;
@@ -270,7 +285,8 @@ std::vector<int> contact_blocks(const Scene& scene, std::uint32_t splitting) {
     int points = 0;
     for (std::size_t i = 0; i < scene.contacts.size(); ++i) {
         const Contact& c = scene.contacts[i];
-        const bool same = i > 0 && splitting == CAIRN_SPLIT_MANIFOLD && points < 4 && c.a == scene.contacts[i - 1].a && c.b == scene.contacts[i - 1].b;
+        const bool same =
+            i > 0 && splitting == CAIRN_SPLIT_MANIFOLD && points < 4 && c.a == scene.contacts[i - 1].a && c.b == scene.contacts[i - 1].b;
         points = same ? points + 1 : 1;
         blocks.push_back(same ? blocks.back() : static_cast<int>(i));
     }
@@ -280,11 +296,13 @@ std::vector<int> contact_blocks(const Scene& scene, std::uint32_t splitting) {
 std::vector<std::uint32_t> block_counts(const Scene& scene, std::uint32_t splitting) {
     std::vector<std::uint32_t> counts(scene.bodies.size(), 0);
     const auto count = [&](int i) {
-        if (i >= 0) ++counts[static_cast<std::size_t>(i)];
+        if (i >= 0)
+            ++counts[static_cast<std::size_t>(i)];
     };
     const std::vector<int> blocks = contact_blocks(scene, splitting);
     for (std::size_t i = 0; i < blocks.size(); ++i) {
-        if (i > 0 && blocks[i] == blocks[i - 1]) continue;
+        if (i > 0 && blocks[i] == blocks[i - 1])
+            continue;
         count(scene.contacts[i].a);
         count(scene.contacts[i].b);
     }

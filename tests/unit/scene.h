@@ -40,7 +40,8 @@ struct Error : std::runtime_error {
     explicit Error(cairn_status s) : std::runtime_error(std::string(cairn_status_name(s)) + ": " + cairn_last_error()), status(s) {}
 };
 inline void check(cairn_status status) {
-    if (status != CAIRN_OK) throw Error(status);
+    if (status != CAIRN_OK)
+        throw Error(status);
 }
 
 struct Body {
@@ -141,21 +142,24 @@ class Solver {
         std::size_t count = 0;
         check(cairn_solver_residual_trace(solver_, nullptr, 0, &count));
         std::vector<double> values(count);
-        if (count != 0) check(cairn_solver_residual_trace(solver_, values.data(), count, &count));
+        if (count != 0)
+            check(cairn_solver_residual_trace(solver_, values.data(), count, &count));
         return values;
     }
     std::vector<std::uint32_t> split_counts() const {
         std::size_t count = 0;
         check(cairn_solver_split_counts(solver_, nullptr, 0, &count));
         std::vector<std::uint32_t> values(count);
-        if (count != 0) check(cairn_solver_split_counts(solver_, values.data(), count, &count));
+        if (count != 0)
+            check(cairn_solver_split_counts(solver_, values.data(), count, &count));
         return values;
     }
     std::vector<char> save_cache() const {
         std::size_t size = 0;
         check(cairn_solver_save_cache(solver_, nullptr, 0, &size));
         std::vector<char> bytes(size);
-        if (size != 0) check(cairn_solver_save_cache(solver_, bytes.data(), size, &size));
+        if (size != 0)
+            check(cairn_solver_save_cache(solver_, bytes.data(), size, &size));
         return bytes;
     }
     void load_cache(const std::vector<char>& bytes) { check(cairn_solver_load_cache(solver_, bytes.data(), bytes.size())); }
@@ -177,7 +181,7 @@ inline cairn_params plain(std::uint32_t method, std::uint32_t iterations, std::u
     p.iterations = iterations;
     p.substeps = substeps;
     p.position_iterations = 0;
-    p.relax_iterations = 0;
+    p.relax_share = 0;
     p.restitution_iterations = 0;
     p.splitting = CAIRN_SPLIT_POINT;
     p.friction_model = CAIRN_FRICTION_CONE;
@@ -222,7 +226,8 @@ struct Scene {
 };
 
 inline Vec3 anchor_world(const Scene& scene, int body, const Vec3& anchor) {
-    if (body < 0) return anchor;
+    if (body < 0)
+        return anchor;
     const Body& b = scene.bodies[static_cast<std::size_t>(body)];
     return b.position + b.orientation * anchor;
 }
@@ -264,28 +269,32 @@ inline bool movable(const Body& body) { return body.inverse_mass > 0; }
 inline Vec3 Scene::linear_momentum() const {
     Vec3 sum = Vec3::Zero();
     for (const Body& b : bodies) {
-        if (movable(b)) sum += b.linear / b.inverse_mass;
+        if (movable(b))
+            sum += b.linear / b.inverse_mass;
     }
     return sum;
 }
 inline Vec3 Scene::angular_momentum(const Vec3& about) const {
     Vec3 sum = Vec3::Zero();
     for (const Body& b : bodies) {
-        if (movable(b)) sum += (b.position - about).cross(b.linear) / b.inverse_mass + inertia_world(b) * b.angular;
+        if (movable(b))
+            sum += (b.position - about).cross(b.linear) / b.inverse_mass + inertia_world(b) * b.angular;
     }
     return sum;
 }
 inline double Scene::kinetic_energy() const {
     double sum = 0;
     for (const Body& b : bodies) {
-        if (movable(b)) sum += 0.5 * b.linear.squaredNorm() / b.inverse_mass + 0.5 * b.angular.dot(inertia_world(b) * b.angular);
+        if (movable(b))
+            sum += 0.5 * b.linear.squaredNorm() / b.inverse_mass + 0.5 * b.angular.dot(inertia_world(b) * b.angular);
     }
     return sum;
 }
 inline double Scene::potential_energy() const {
     double sum = 0;
     for (const Body& b : bodies) {
-        if (movable(b)) sum -= gravity.dot(b.position) / b.inverse_mass;
+        if (movable(b))
+            sum -= gravity.dot(b.position) / b.inverse_mass;
     }
     return sum;
 }
@@ -310,7 +319,8 @@ inline std::uint64_t Scene::hash() const {
 // A view over a member of an array of structs: element type T, the member at `first`.
 template <class Struct, class T> cairn_view member_view(const std::vector<Struct>& array, const T* first) {
     cairn_view view{};
-    if (array.empty()) return view;
+    if (array.empty())
+        return view;
     view.data = const_cast<T*>(first); // written only where it is also a result
     view.stride = sizeof(Struct);
     view.type = type_of<T>();
@@ -321,7 +331,8 @@ inline cairn_bodies body_table(const std::vector<Body>& bodies) {
     cairn_bodies t{};
     t.struct_size = sizeof t;
     t.count = static_cast<std::uint32_t>(bodies.size());
-    if (bodies.empty()) return t;
+    if (bodies.empty())
+        return t;
     const Body& b = bodies.front();
     t.position = member_view(bodies, b.position.data());
     t.orientation = member_view(bodies, b.orientation.coeffs().data()); // Eigen keeps x, y, z, w too
@@ -341,7 +352,8 @@ inline cairn_contacts contact_table(const std::vector<Contact>& contacts) {
     cairn_contacts t{};
     t.struct_size = sizeof t;
     t.count = static_cast<std::uint32_t>(contacts.size());
-    if (contacts.empty()) return t;
+    if (contacts.empty())
+        return t;
     const Contact& c = contacts.front();
     t.body_a = member_view(contacts, &c.a);
     t.body_b = member_view(contacts, &c.b);
@@ -361,7 +373,8 @@ inline cairn_joints joint_table(const std::vector<Joint>& joints) {
     cairn_joints t{};
     t.struct_size = sizeof t;
     t.count = static_cast<std::uint32_t>(joints.size());
-    if (joints.empty()) return t;
+    if (joints.empty())
+        return t;
     const Joint& j = joints.front();
     t.body_a = member_view(joints, &j.a);
     t.body_b = member_view(joints, &j.b);
@@ -382,7 +395,8 @@ inline cairn_rows row_table(const std::vector<Row>& rows) {
     cairn_rows t{};
     t.struct_size = sizeof t;
     t.count = static_cast<std::uint32_t>(rows.size());
-    if (rows.empty()) return t;
+    if (rows.empty())
+        return t;
     const Row& r = rows.front();
     t.body_a = member_view(rows, &r.a);
     t.body_b = member_view(rows, &r.b);
@@ -407,7 +421,8 @@ inline cairn_status Scene::try_step(const Solver& solver, Impulses& out) {
     cairn_step step{};
     step.struct_size = sizeof step;
     step.dt = dt;
-    for (int i = 0; i < 3; ++i) step.gravity[i] = gravity[i];
+    for (int i = 0; i < 3; ++i)
+        step.gravity[i] = gravity[i];
     step.bodies = &body_columns;
     step.contacts = &contact_columns;
     step.joints = &joint_columns;
@@ -442,7 +457,8 @@ inline Vec3 random_vec(Random& random, double size) {
 inline Vec3 random_unit(Random& random) {
     for (;;) {
         const Vec3 v = random_vec(random, 1);
-        if (v.squaredNorm() > 0.01 && v.squaredNorm() < 1) return v.normalized();
+        if (v.squaredNorm() > 0.01 && v.squaredNorm() < 1)
+            return v.normalized();
     }
 }
 inline Quat random_quat(Random& random) { return Quat(Eigen::AngleAxisd(uniform(random, -3, 3), random_unit(random))); }

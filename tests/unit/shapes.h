@@ -27,11 +27,13 @@ inline void touch_box(Scene& scene, int box, const Vec3& half, const Plane& plan
         const Vec3 sign(i & 1u ? 1 : -1, i & 2u ? 1 : -1, i & 4u ? 1 : -1);
         const Vec3 arm = body.orientation * half.cwiseProduct(sign);
         const double distance = plane.distance(body.position + arm);
-        if (distance < margin) corners.push_back({distance, i, arm});
+        if (distance < margin)
+            corners.push_back({distance, i, arm});
     }
     std::sort(corners.begin(), corners.end(),
               [](const Corner& a, const Corner& b) { return a.distance != b.distance ? a.distance < b.distance : a.number < b.number; });
-    if (corners.size() > 4) corners.resize(4);
+    if (corners.size() > 4)
+        corners.resize(4);
     std::sort(corners.begin(), corners.end(), [](const Corner& a, const Corner& b) { return a.number < b.number; });
     for (const Corner& corner : corners) {
         Contact c;
@@ -60,14 +62,16 @@ inline void touch_sphere(Scene& scene, int sphere, double radius, const Plane& p
     c.restitution = restitution;
     c.key = static_cast<std::uint64_t>(sphere) * 8 + 1;
     c.flags = CAIRN_CONTACT_ROUND_B;
-    if (c.separation < margin) scene.contacts.push_back(c);
+    if (c.separation < margin)
+        scene.contacts.push_back(c);
 }
 
 inline void touch_spheres(Scene& scene, int a, int b, double radius_a, double radius_b, double friction, double margin = 0.02) {
     const Body &first = scene.bodies[static_cast<std::size_t>(a)], &second = scene.bodies[static_cast<std::size_t>(b)];
     const Vec3 between = second.position - first.position;
     const double separation = between.norm() - radius_a - radius_b;
-    if (separation > margin) return;
+    if (separation > margin)
+        return;
     Contact c;
     c.a = a;
     c.b = b;

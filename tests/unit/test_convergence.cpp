@@ -37,7 +37,8 @@ TEST_P(Convergence, TraceHasOneResidualASweepAndDecreases) {
             EXPECT_GT(trace.front(), 0);
             // a step is a contraction in the metric of D: its length cannot grow (the inner sweep of a manifold is not one)
             const bool contracts = seed % 2 != 0 || splitting == CAIRN_SPLIT_POINT;
-            for (std::size_t i = 1; i < trace.size() && contracts; ++i) EXPECT_LE(trace[i], trace[i - 1] * (1 + 1e-9)) << "sweep " << i;
+            for (std::size_t i = 1; i < trace.size() && contracts; ++i)
+                EXPECT_LE(trace[i], trace[i - 1] * (1 + 1e-9)) << "sweep " << i;
             EXPECT_LT(trace.back(), 0.5 * trace.front());
         }
     }
@@ -72,7 +73,8 @@ TEST_P(Convergence, EnergyNeverRises) {
             params.splitting = splitting;
             const BiasRule rule = BiasRule::of(params, scene.dt);
             Dense dense(scene, scene.dt);
-            for (const Contact& c : scene.contacts) dense.add_contact(scene, c, rule, false, 0);
+            for (const Contact& c : scene.contacts)
+                dense.add_contact(scene, c, rule, false, 0);
             Mat m = dense.a();
             m.diagonal() += dense.gamma;
             const Vec q = dense.q();
@@ -87,7 +89,8 @@ TEST_P(Convergence, EnergyNeverRises) {
                 const double energy = 0.5 * lambda.dot(m * lambda) + lambda.dot(q);
                 EXPECT_LE(energy, last + 1e-12 * std::abs(last)) << "seed " << seed << ", sweep " << sweeps;
                 last = energy;
-                if (sweeps == 1) first = energy;
+                if (sweeps == 1)
+                    first = energy;
             }
             EXPECT_LT(last, first);
         }

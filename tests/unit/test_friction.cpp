@@ -66,15 +66,16 @@ TEST(Coulomb, ConvergedScenesObeyTheLaw) {
         for (const std::uint32_t acceleration : {CAIRN_ACCELERATION_NONE, CAIRN_ACCELERATION_NESTEROV}) {
             Random random(seed);
             Scene scene = random_bodies(random, 5);
-            add_random_contacts(random, scene, 7, 0.3);
+            add_random_contacts(random, scene, 7, seed % 2 != 0 ? 0.3 : 2);
             const Scene start = scene;
             const Solver solver(64);
-            cairn_params params = plain(CAIRN_METHOD_PJ, 60000);
+            cairn_params params = plain(CAIRN_METHOD_PJ, 10000);
             params.acceleration = acceleration;
             params.residual_trace = 1;
             check(cairn_solver_set_params(solver.get(), &params));
             const Impulses out = scene.step(solver);
-            if (solver.residual_trace().back() > 1e-11) continue; // not converged: nothing is claimed
+            if (solver.residual_trace().back() > 1e-11)
+                continue; // not converged: nothing is claimed
             Dense dense(start, start.dt);
             const BiasRule rule = BiasRule::of(params, start.dt);
             Vec lambda(static_cast<Eigen::Index>(3 * start.contacts.size()));
@@ -194,7 +195,8 @@ TEST(Pyramid, IsAnisotropicWithinItsBound) {
         for (int frame = 0; frame < 50; ++frame) {
             scene.contacts.clear();
             touch_box(scene, 0, half, Plane{}, mu);
-            for (Contact& c : scene.contacts) c.tangent = Vec3::UnitX();
+            for (Contact& c : scene.contacts)
+                c.tangent = Vec3::UnitX();
             const Impulses out = scene.step(solver);
             for (std::size_t i = 0; i < scene.contacts.size(); ++i) {
                 const double bound = mu * out.contact[i] * (1 + 1e-5) + 1e-7;
@@ -225,7 +227,8 @@ TEST_P(Friction, NoFrictionModelMeansNoFriction) {
         scene.contacts.clear();
         touch_box(scene, 0, half, Plane{}, 0.8);
         const Impulses out = scene.step(solver);
-        for (const double p : out.friction) EXPECT_EQ(p, 0);
+        for (const double p : out.friction)
+            EXPECT_EQ(p, 0);
     }
     EXPECT_NEAR(scene.bodies[0].linear.x(), 2, 1e-5);
     EXPECT_NEAR(scene.bodies[0].linear.y(), 1, 1e-5);

@@ -21,7 +21,8 @@ cairn_params converged(std::uint32_t method) {
 double relative_speed(const Scene& scene, const Joint& joint, int axis) {
     const Vec3 d = frame_world(scene, joint.a, joint.frame_a) * Vec3(Vec3::Unit(axis % 3));
     const auto point_speed = [&](int i) {
-        if (i < 0) return Vec3(Vec3::Zero());
+        if (i < 0)
+            return Vec3(Vec3::Zero());
         const Body& body = scene.bodies[static_cast<std::size_t>(i)];
         const Vec3 arm = anchor_world(scene, joint.b, joint.anchor_b) - body.position;
         return Vec3(body.linear + body.angular.cross(arm));
@@ -33,7 +34,8 @@ double relative_speed(const Scene& scene, const Joint& joint, int axis) {
 TEST(JointPresets, AreThePapers) {
     const auto free = [](std::uint32_t kind) {
         std::string axes;
-        for (const std::uint32_t a : axes_of(kind)) axes += a == CAIRN_AXIS_FREE ? 'f' : a == CAIRN_AXIS_LOCKED ? 'L' : '?';
+        for (const std::uint32_t a : axes_of(kind))
+            axes += a == CAIRN_AXIS_FREE ? 'f' : a == CAIRN_AXIS_LOCKED ? 'L' : '?';
         return axes;
     };
     EXPECT_EQ(free(CAIRN_JOINT_BALL), "LLLfff");
@@ -103,7 +105,8 @@ TEST_P(JointMethods, HoldTheirLockedAxesWhenThrown) {
             scene.step(solver);
             const Vec3 d = frame_world(scene, 0, joint.frame_a).conjugate() * joint_gap(scene, joint);
             for (int i = 0; i < 3; ++i) {
-                if (joint.axes[static_cast<std::size_t>(i)] == CAIRN_AXIS_LOCKED) gap = std::max(gap, std::abs(d[i]));
+                if (joint.axes[static_cast<std::size_t>(i)] == CAIRN_AXIS_LOCKED)
+                    gap = std::max(gap, std::abs(d[i]));
             }
             const Quat q = frame_world(scene, 0, joint.frame_a).conjugate() * frame_world(scene, 1, joint.frame_b);
             // a hinge may turn about z alone: then x and y of the quaternion stay 0
@@ -113,9 +116,10 @@ TEST_P(JointMethods, HoldTheirLockedAxesWhenThrown) {
                     turn = std::max(turn, 2 * std::abs(v[i]));
                 }
             }
-            travelled = std::max(travelled, kind == CAIRN_JOINT_SLIDER ? std::abs(d.x())
-                                                                       : first.angularDistance(scene.bodies[0].orientation.conjugate() *
-                                                                                               scene.bodies[1].orientation));
+            travelled =
+                std::max(travelled, kind == CAIRN_JOINT_SLIDER
+                                        ? std::abs(d.x())
+                                        : first.angularDistance(scene.bodies[0].orientation.conjugate() * scene.bodies[1].orientation));
         }
         EXPECT_LT(gap, 5e-3) << "joint " << kind;
         EXPECT_LT(turn, 1e-2) << "joint " << kind;
@@ -171,7 +175,8 @@ TEST_P(JointMethods, LimitsHoldAWeightOnASlider) {
     const cairn_params params = converged(GetParam());
     check(cairn_solver_set_params(solver.get(), &params));
     Impulses out;
-    for (int frame = 0; frame < 120; ++frame) out = scene.step(solver);
+    for (int frame = 0; frame < 120; ++frame)
+        out = scene.step(solver);
     EXPECT_NEAR(scene.bodies[0].position.z(), -0.25, 5e-3);
     EXPECT_NEAR(scene.bodies[0].position.head<2>().norm(), 0, 1e-3);
     EXPECT_NEAR(out.joint[0], 2 * 9.81 * scene.dt, 1e-3); // on b, along the axis, over the step
@@ -214,7 +219,8 @@ TEST_P(JointMethods, MotorsOnSlidersLiftWhatTheyCan) {
         const Solver solver;
         const cairn_params params = converged(GetParam());
         check(cairn_solver_set_params(solver.get(), &params));
-        for (int frame = 0; frame < 50; ++frame) scene.step(solver);
+        for (int frame = 0; frame < 50; ++frame)
+            scene.step(solver);
         const double weight = 2 * 9.81, time = 50 * scene.dt;
         const double expected = force < weight ? (force - weight) / 2 * time : 1;
         EXPECT_NEAR(scene.bodies[0].linear.z(), expected, 1e-2) << "motor of " << force << " N";
@@ -234,7 +240,8 @@ TEST_P(JointMethods, AMotorStopsAtItsLimit) {
     const Solver solver;
     const cairn_params params = converged(GetParam());
     check(cairn_solver_set_params(solver.get(), &params));
-    for (int frame = 0; frame < 120; ++frame) scene.step(solver);
+    for (int frame = 0; frame < 120; ++frame)
+        scene.step(solver);
     const Quat q = scene.bodies[0].orientation;
     EXPECT_NEAR(2 * std::atan2(q.z(), q.w()), 0.5, 1e-2);
     EXPECT_LT(scene.bodies[0].angular.norm(), 1e-2);

@@ -67,7 +67,8 @@ TEST_P(Kinematic, ALiftCarriesABoxUp) {
         b.position.z() -= top;
         touch_box(scene, box, half, Plane{}, 0.5, 0, 0.1);
         b.position.z() += top;
-        for (Contact& c : scene.contacts) c.a = lift;
+        for (Contact& c : scene.contacts)
+            c.a = lift;
         scene.step(solver);
         scene.bodies[static_cast<std::size_t>(lift)].position.z() += 2 * scene.dt;
     }
@@ -87,7 +88,8 @@ TEST_P(Kinematic, AtEndPoseIsTheStartPoseMovedOn) {
         scene.add(hand);
         scene.add(Body::sphere(1, 0.2, {1, 0, 0}));
         scene.join(0, 1, {0.8, 0, 0}, axes_of(CAIRN_JOINT_FIXED));
-        if (at_end) scene.bodies[0].flags = CAIRN_BODY_AT_END_POSE;
+        if (at_end)
+            scene.bodies[0].flags = CAIRN_BODY_AT_END_POSE;
         const Solver solver(64);
         const cairn_params params = preset(GetParam());
         check(cairn_solver_set_params(solver.get(), &params));
@@ -97,9 +99,11 @@ TEST_P(Kinematic, AtEndPoseIsTheStartPoseMovedOn) {
                 moved.position += scene.dt * moved.linear;
                 moved.orientation = Quat(Eigen::AngleAxisd(2 * scene.dt, Vec3::UnitZ())) * moved.orientation;
             };
-            if (at_end) advance();
+            if (at_end)
+                advance();
             scene.step(solver);
-            if (!at_end) advance();
+            if (!at_end)
+                advance();
         }
     }
     EXPECT_LT((scenes[0].bodies[1].position - scenes[1].bodies[1].position).norm(), 1e-7);
@@ -116,7 +120,8 @@ TEST_P(Kinematic, StaticBodiesAndTheWorldAreOneAndTheSame) {
         Body box = Body::box(2, half, {0, 0, half.z()});
         box.linear = Vec3(1, 0.3, 0);
         scene.add(box);
-        if (body) scene.add(platform(Vec3::Zero(), Vec3::Zero()));
+        if (body)
+            scene.add(platform(Vec3::Zero(), Vec3::Zero()));
         const Solver solver;
         const cairn_params params = preset(GetParam());
         check(cairn_solver_set_params(solver.get(), &params));
@@ -124,7 +129,8 @@ TEST_P(Kinematic, StaticBodiesAndTheWorldAreOneAndTheSame) {
             scene.contacts.clear();
             touch_box(scene, 0, half, Plane{}, 0.4);
             if (body) {
-                for (Contact& c : scene.contacts) c.a = 1;
+                for (Contact& c : scene.contacts)
+                    c.a = 1;
             }
             scene.step(solver);
         }
@@ -151,10 +157,12 @@ TEST_P(Kinematic, FactorsActAsFMF) {
         const BiasRule rule = BiasRule::of(params, scene.dt);
         Dense dense(scene, scene.dt);
         int block = 0;
-        for (const Joint& joint : scene.joints) dense.add_joint(scene, joint, rule, block++);
+        for (const Joint& joint : scene.joints)
+            dense.add_joint(scene, joint, rule, block++);
         const Vec lambda = dense.solve_bilateral();
         const Vec residual = dense.a() * lambda + dense.gamma.cwiseProduct(lambda) + dense.q();
-        if (residual.cwiseAbs().maxCoeff() > 1e-9) continue; // the factors leave it no solution
+        if (residual.cwiseAbs().maxCoeff() > 1e-9)
+            continue; // the factors leave it no solution
         const Solver solver(64);
         check(cairn_solver_set_params(solver.get(), &params));
         scene.step(solver);

@@ -49,8 +49,8 @@ TEST_P(Mechanisms, CrankMovesThePistonByTheFormula) {
     }
     RecordProperty("worst_error_m", std::to_string(worst));
     EXPECT_LT(worst, 2e-3);
-    EXPECT_NEAR(leftmost, l - r, 5e-3);  // it went all the way
-    EXPECT_NEAR(turned, 3 * 5.0, 0.3);   // at the motor's speed
+    EXPECT_NEAR(leftmost, l - r, 5e-3); // it went all the way
+    EXPECT_NEAR(turned, 3 * 5.0, 0.3);  // at the motor's speed
 }
 
 // A pendulum on a hinge keeps its energy: 2 pi sqrt(I / (m g d)) for a small swing.
@@ -80,7 +80,8 @@ TEST_P(Mechanisms, PendulumHasItsPeriod) {
     for (int frame = 0; frame < 3000; ++frame) {
         scene.step(solver);
         const double x = scene.bodies[0].position.x();
-        if (last < 0 && x >= 0) crossings.push_back((frame + last / (last - x)) * scene.dt);
+        if (last < 0 && x >= 0)
+            crossings.push_back((frame + last / (last - x)) * scene.dt);
         last = x;
     }
     ASSERT_GE(crossings.size(), 3u);

@@ -17,7 +17,8 @@ Scene tangle(std::uint64_t seed, bool contacts) {
     if (contacts) {
         add_random_contacts(random, scene, 12, 0.5);
         std::erase_if(scene.contacts, [](const Contact& c) { return c.a < 0; });
-        for (Contact& c : scene.contacts) c.restitution = 0.5;
+        for (Contact& c : scene.contacts)
+            c.restitution = 0.5;
     }
     for (Body& body : scene.bodies) {
         body.flags = 0;
@@ -37,7 +38,8 @@ Drift drift_of(Scene scene, const Solver& solver, int frames) {
         angular_scale += b.position.cross(b.linear).norm() / b.inverse_mass + (inertia_world(b) * b.angular).norm();
     }
     const double energy = scene.kinetic_energy();
-    for (int i = 0; i < frames; ++i) scene.step(solver);
+    for (int i = 0; i < frames; ++i)
+        scene.step(solver);
     EXPECT_GT(std::abs(scene.kinetic_energy() - energy), 1e-3 * energy) << "nothing happened";
     return {(scene.linear_momentum() - p).norm() / linear_scale, (scene.angular_momentum() - l).norm() / angular_scale};
 }
@@ -50,7 +52,7 @@ TEST_P(Momentum, OfJointsIsConservedToRounding) {
         for (const std::uint32_t which : {CAIRN_PRESET_DEFAULT, CAIRN_PRESET_PAPER}) {
             const Solver solver(precision);
             cairn_params params = preset(GetParam(), which);
-            params.iterations = std::max(20u, params.substeps);
+            params.iterations = 10 * params.substeps;
             params.position_iterations = 0; // they move bodies without moving mass's momentum with them
             check(cairn_solver_set_params(solver.get(), &params));
             for (std::uint64_t seed = 1; seed <= 5; ++seed) {
@@ -58,6 +60,22 @@ TEST_P(Momentum, OfJointsIsConservedToRounding) {
                 EXPECT_LT(drift.linear, precision == 64 ? 1e-12 : 1e-5) << "seed " << seed;
                 EXPECT_LT(drift.angular, precision == 64 ? 1e-11 : 2e-5) << "seed " << seed;
             }
+        }
+    }
+}
+
+// Two sweeps a substep solve little, and a warm start goes on from what they left: the energy must stay bounded all the same.
+TEST_P(Momentum, FewSweepsDoNotExplode) {
+    const Solver solver;
+    cairn_params params = preset(GetParam());
+    params.iterations = 2 * params.substeps;
+    check(cairn_solver_set_params(solver.get(), &params));
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+        Scene scene = tangle(seed, false);
+        const double energy = scene.kinetic_energy();
+        for (int frame = 0; frame < 100; ++frame) {
+            scene.step(solver);
+            ASSERT_LT(scene.kinetic_energy(), 5 * energy) << "seed " << seed << ", frame " << frame;
         }
     }
 }
@@ -71,7 +89,7 @@ TEST_P(Momentum, OfContactsIsConservedInOneSubstep) {
             params.substeps = 1;
             params.iterations = 20;
             params.position_iterations = 0;
-            params.relax_iterations = 0;        // those and restitution work after the poses have moved
+            params.relax_share = 0; // those and restitution work after the poses have moved
             params.restitution_iterations = 0;
             params.splitting = splitting;
             check(cairn_solver_set_params(solver.get(), &params));
@@ -90,7 +108,7 @@ TEST_P(Momentum, LinearMomentumIsAlwaysConserved) {
         const Solver solver(precision);
         cairn_params params = preset(GetParam());
         params.iterations = std::max(40u, params.substeps);
-        params.relax_iterations = 3;
+        params.relax_share = 0.3;
         params.restitution_iterations = 5;
         check(cairn_solver_set_params(solver.get(), &params));
         for (std::uint64_t seed = 1; seed <= 5; ++seed) {

@@ -14,7 +14,8 @@ bool finite(const Scene& scene, const Impulses& out) {
         all = all && b.position.allFinite() && b.orientation.coeffs().allFinite() && b.linear.allFinite() && b.angular.allFinite();
     }
     for (const std::vector<double>* values : {&out.contact, &out.friction, &out.joint, &out.row}) {
-        for (const double v : *values) all = all && std::isfinite(v);
+        for (const double v : *values)
+            all = all && std::isfinite(v);
     }
     return all;
 }
@@ -48,8 +49,10 @@ TEST_P(Range, AFailedStepLeavesTheCacheAlone) {
     Scene scene = random_bodies(random, 4);
     add_random_joints(random, scene, 0.005);
     add_random_contacts(random, scene, 6, 0.5);
-    for (std::size_t i = 0; i < scene.joints.size(); ++i) scene.joints[i].key = 1000 + i;
-    for (std::size_t i = 0; i < scene.contacts.size(); ++i) scene.contacts[i].key = 1 + i;
+    for (std::size_t i = 0; i < scene.joints.size(); ++i)
+        scene.joints[i].key = 1000 + i;
+    for (std::size_t i = 0; i < scene.contacts.size(); ++i)
+        scene.contacts[i].key = 1 + i;
     const Solver solver;
     cairn_params params = preset(GetParam());
     params.contact_warm_start = 0.9;
@@ -75,14 +78,20 @@ TEST_P(Range, WildNumbersAreEitherSolvedOrReported) {
         add_random_contacts(random, scene, 6, 0.5);
         const auto wild = [&] { return std::pow(10.0, uniform(random, -30, 30)); };
         for (Body& body : scene.bodies) {
-            if (random() % 2 != 0) body.linear *= wild();
-            if (random() % 2 != 0) body.angular *= wild();
-            if (random() % 3 == 0) body.inverse_mass *= wild();
-            if (random() % 3 == 0) body.inverse_inertia *= wild();
-            if (random() % 4 == 0) body.torque *= wild();
+            if (random() % 2 != 0)
+                body.linear *= wild();
+            if (random() % 2 != 0)
+                body.angular *= wild();
+            if (random() % 3 == 0)
+                body.inverse_mass *= wild();
+            if (random() % 3 == 0)
+                body.inverse_inertia *= wild();
+            if (random() % 4 == 0)
+                body.torque *= wild();
             body.flags = random() % 2 != 0 ? CAIRN_BODY_NO_GYROSCOPIC : 0;
         }
-        if (seed % 5 == 0) scene.dt = wild();
+        if (seed % 5 == 0)
+            scene.dt = wild();
         const Scene before = scene;
         const Solver solver;
         cairn_params params = preset(GetParam());
@@ -93,7 +102,8 @@ TEST_P(Range, WildNumbersAreEitherSolvedOrReported) {
         if (status == CAIRN_OK) {
             ++solved;
             ASSERT_TRUE(finite(scene, out)) << "seed " << seed;
-            for (const Body& b : scene.bodies) ASSERT_NEAR(b.orientation.norm(), 1, 1e-3) << "seed " << seed;
+            for (const Body& b : scene.bodies)
+                ASSERT_NEAR(b.orientation.norm(), 1, 1e-3) << "seed " << seed;
             const cairn_statistics s = solver.statistics();
             ASSERT_TRUE(std::isfinite(s.residual)) << "seed " << seed;
         } else {
@@ -116,7 +126,8 @@ TEST_P(Range, EmptyAndLonelyScenesStep) {
     Scene lonely;
     lonely.gravity = Vec3(0, 0, -10);
     lonely.add(Body::sphere(1, 1, Vec3::Zero()));
-    for (int i = 0; i < 10; ++i) lonely.step(solver);
+    for (int i = 0; i < 10; ++i)
+        lonely.step(solver);
     EXPECT_NEAR(lonely.bodies[0].linear.z(), -10 * 10 * lonely.dt, 1e-5);
     EXPECT_EQ(solver.statistics().islands, 1u);
     // results may be left out altogether

@@ -40,7 +40,8 @@ TEST(RawRows, ABallJointWrittenOutIsTheNativeOne) {
             const double tolerance = precision == 64 ? 1e-9 : 1e-4;
             EXPECT_LT((velocities(native) - velocities(raw)).cwiseAbs().maxCoeff(), tolerance) << "seed " << seed;
             for (std::size_t i = 0; i < 2; ++i) {
-                for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(of_joints.joint[6 * i + k], of_rows.row[3 * i + k], 10 * tolerance);
+                for (std::size_t k = 0; k < 3; ++k)
+                    EXPECT_NEAR(of_joints.joint[6 * i + k], of_rows.row[3 * i + k], 10 * tolerance);
             }
         }
     }
@@ -89,10 +90,12 @@ TEST(RawRows, FrictionRowsAreAContact) {
             EXPECT_LT((velocities(native) - velocities(raw)).cwiseAbs().maxCoeff(), 1e-7) << "seed " << seed;
             for (std::size_t i = 0; i < native.contacts.size(); ++i) {
                 EXPECT_NEAR(of_contacts.contact[i], of_rows.row[3 * i], 1e-6);
-                const double bound = native.contacts[i].friction * of_rows.row[3 * i], size = std::hypot(of_rows.row[3 * i + 1], of_rows.row[3 * i + 2]);
+                const double bound = native.contacts[i].friction * of_rows.row[3 * i],
+                             size = std::hypot(of_rows.row[3 * i + 1], of_rows.row[3 * i + 2]);
                 EXPECT_LE(size, bound + 1e-9);
                 EXPECT_NEAR(of_contacts.friction_of(i).norm(), size, 1e-6);
-                if (bound > 1e-3) (size > bound - 1e-6 ? sliding : sticking)++;
+                if (bound > 1e-3)
+                    (size > bound - 1e-6 ? sliding : sticking)++;
             }
         }
     }
@@ -107,8 +110,8 @@ TEST(RawRows, BoundsAreHeldAndReported) {
         Row row;
         row.b = 0;
         row.jacobian_b[0] = 1;
-        row.rhs = 5;      // would take 10 N s
-        row.upper = 4;    // over the whole step
+        row.rhs = 5;   // would take 10 N s
+        row.upper = 4; // over the whole step
         scene.rows.push_back(row);
         row.jacobian_b.setZero();
         row.jacobian_b[1] = 1;
@@ -165,7 +168,8 @@ TEST(RawRows, AGearTurnsTwoWheelsInRatio) {
     const Solver solver;
     const cairn_params params = preset(CAIRN_METHOD_TJSOFT);
     check(cairn_solver_set_params(solver.get(), &params));
-    for (int frame = 0; frame < 60; ++frame) scene.step(solver);
+    for (int frame = 0; frame < 60; ++frame)
+        scene.step(solver);
     EXPECT_GT(scene.bodies[0].angular.z(), 0.5);
     EXPECT_NEAR(scene.bodies[0].angular.z() + 2 * scene.bodies[1].angular.z(), 0, 1e-3);
     const double inertia = 0.4 * 0.25 + 0.4 / 4; // of both, seen from the first

@@ -44,7 +44,8 @@ TEST_P(Rotation, WithoutTheGyroscopicTermAngularVelocityIsKept) {
     const Solver solver;
     const cairn_params params = preset(GetParam());
     check(cairn_solver_set_params(solver.get(), &params));
-    for (int frame = 0; frame < 100; ++frame) scene.step(solver);
+    for (int frame = 0; frame < 100; ++frame)
+        scene.step(solver);
     EXPECT_LT((scene.bodies[0].angular - spin).norm(), 1e-5);
 }
 
@@ -57,7 +58,8 @@ TEST_P(Rotation, TurnsByTheAngleOfItsSpin) {
     const Solver solver(64);
     const cairn_params params = preset(GetParam());
     check(cairn_solver_set_params(solver.get(), &params));
-    for (int frame = 0; frame < 50; ++frame) scene.step(solver);
+    for (int frame = 0; frame < 50; ++frame)
+        scene.step(solver);
     const Quat expected(Eigen::AngleAxisd(body.angular.norm() * 50 * scene.dt, body.angular.normalized()));
     EXPECT_LT(scene.bodies[0].orientation.angularDistance(expected), 1e-6);
 }
@@ -101,12 +103,14 @@ TEST(Round, RollingBallOpensNoFalseGap) {
                 scene.contacts.clear();
                 touch_sphere(scene, 0, radius, Plane{}, 0.5);
                 ASSERT_EQ(scene.contacts.size(), 1u);
-                if (!round) scene.contacts[0].flags = 0;
+                if (!round)
+                    scene.contacts[0].flags = 0;
                 scene.step(solver);
                 lowest = std::min(lowest, scene.bodies[0].position.z());
             }
             sunk[round] = radius - lowest;
-            if (!round) continue;
+            if (!round)
+                continue;
             EXPECT_NEAR(scene.bodies[0].linear.x(), 5, 1e-3);
             EXPECT_NEAR(scene.bodies[0].angular.y(), 10, 1e-2);
         }

@@ -16,14 +16,17 @@ struct Built {
 Built random_scene(std::uint64_t seed, std::uint32_t splitting) {
     Random random(seed);
     Scene scene = random_bodies(random, 3 + static_cast<int>(seed % 8));
-    if (seed % 3 != 0) add_random_joints(random, scene, 0.01);
+    if (seed % 3 != 0)
+        add_random_joints(random, scene, 0.01);
     add_random_contacts(random, scene, 5 + static_cast<int>(seed % 20), 0.5);
     const BiasRule rule = BiasRule::of(plain(CAIRN_METHOD_PJ, 1), scene.dt);
     Dense dense(scene, scene.dt);
     const std::vector<int> blocks = contact_blocks(scene, splitting);
-    for (std::size_t i = 0; i < scene.contacts.size(); ++i) dense.add_contact(scene, scene.contacts[i], rule, true, blocks[i]);
+    for (std::size_t i = 0; i < scene.contacts.size(); ++i)
+        dense.add_contact(scene, scene.contacts[i], rule, true, blocks[i]);
     int block = 1000;
-    for (const Joint& joint : scene.joints) dense.add_joint(scene, joint, rule, block++);
+    for (const Joint& joint : scene.joints)
+        dense.add_joint(scene, joint, rule, block++);
     return {scene, dense};
 }
 
@@ -54,7 +57,8 @@ TEST_P(Splitting, CountsAreNoLargerThanTheBoundNeeds) {
     for (std::uint64_t seed = 1; seed <= 30; ++seed) {
         const Built built = random_scene(seed, GetParam());
         std::vector<std::uint32_t> counts = counts_of(built.scene, GetParam());
-        for (std::uint32_t& n : counts) n = n > 1 ? n - 1 : n;
+        for (std::uint32_t& n : counts)
+            n = n > 1 ? n - 1 : n;
         const Mat d = built.dense.split(counts);
         const Eigen::SelfAdjointEigenSolver<Mat> eigen(d - built.dense.a(), Eigen::EigenvaluesOnly);
         broken += eigen.eigenvalues().minCoeff() < -1e-9 * d.norm();
