@@ -91,6 +91,10 @@ namespace CAIRN_NAMESPACE(CAIRN_ISA) {
             for (std::uint32_t i = begin; i < end; ++i)
                 run_group(stage, f, i);
             break;
+        case Stage::inertia:
+            for (std::uint32_t i = begin; i < end; ++i)
+                refresh_inertia(f, f.moving[i]);
+            break;
         case Stage::forces:
             for (std::uint32_t i = begin; i < end; ++i)
                 apply_forces(f, f.moving[i]);

@@ -33,6 +33,7 @@ template <class S> struct CpuExecutor {
         const Clock::time_point start = Clock::now();
         const auto loop = [&](std::uint32_t begin, std::uint32_t end) { stage_entry(stage, frame, begin, end); };
         switch (stage) {
+        case Stage::inertia:
         case Stage::forces:
         case Stage::apply_start:
         case Stage::apply:
@@ -66,6 +67,7 @@ template <class S> struct CpuExecutor {
         case Stage::position_sweep:
         case Stage::position_apply:
             return &statistics.time_position;
+        case Stage::inertia:
         case Stage::forces:
         case Stage::integrate:
             return &statistics.time_integrate;
@@ -130,6 +132,7 @@ template <class S> class SolverOf final : public Solver {
         plan.restitution_iterations =
             params.restitution_iterations == kSameAsSweeps ? params.iterations / params.substeps : params.restitution_iterations;
         CpuExecutor<S> run{f, scene_, pool_, stage_entry_, params, input, now, trace, energy_, next_cache_};
+        const bool counted = f.reduces; // by islands; else every one sweeps every time
         run_schedule(run, plan);
         if (const std::string bad = scene_.not_finite(); !bad.empty())
             throw NotFinite(bad);
@@ -144,7 +147,7 @@ template <class S> class SolverOf final : public Solver {
         now.rows = scene_.rows;
         now.islands = f.island_count;
         now.substeps = plan.substeps;
-        if (f.reduces) {
+        if (counted) {
             for (std::uint32_t i = 0; i < f.island_count; ++i)
                 now.iterations = std::max(now.iterations, f.control[i].iterations);
         } else if (plan.constrained) {

@@ -46,8 +46,10 @@ template <class F> Vec3<F> turned_by(const Quat<F>& q, const Vec3<F>& a) {
     return t * q.w + cross(vec(q), t);
 }
 template <class F> Vec3<F> rotate(const Quat<F>& q, const Vec3<F>& a) { return a + turned_by(q, a); }
+// Divides by |q|^2, so that a rounding error of the norm, which would add up over thousands of steps, leaves them unit.
 template <class F> Axes<F> axes_of(const Quat<F>& q) {
-    const F x2 = q.x + q.x, y2 = q.y + q.y, z2 = q.z + q.z;
+    const F twice = F(2) / (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+    const F x2 = q.x * twice, y2 = q.y * twice, z2 = q.z * twice;
     const F xx = q.x * x2, yy = q.y * y2, zz = q.z * z2, xy = q.x * y2, xz = q.x * z2, yz = q.y * z2;
     const F wx = q.w * x2, wy = q.w * y2, wz = q.w * z2, one = F(1);
     return {{one - (yy + zz), xy + wz, xz - wy}, {xy - wz, one - (xx + zz), yz + wx}, {xz + wy, yz - wx, one - (xx + yy)}};

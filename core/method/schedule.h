@@ -51,6 +51,7 @@ template <class Executor> void solve_positions(Executor& run, std::uint32_t swee
 }
 
 template <class Executor> void run_schedule(Executor& run, const Plan& plan) {
+    run.each(Stage::inertia);
     if (plan.bounces) {
         run.each(Stage::approach);
         run.each(Stage::bouncing);

@@ -183,7 +183,9 @@ void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std:
             restart = restart - d * (ln - xn);
             residual = residual + d * dn;
         }
-        Vec3<Lane> impulse = q.n * dn;
+        // what the bodies get counts from x; what the sweep itself sees counts from y
+        const Vec3<Lane> impulse = q.n * dn;
+        Vec3<Lane> gain = q.n * (ln - xn);
 
         if constexpr (kFrictional) {
             if constexpr (kManifold) {
@@ -222,16 +224,16 @@ void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std:
                 vb.linear = vb.linear + times(mb.linear, friction) * mb.n;
                 vb.angular = vb.angular + mb.angular * cross(q.b, friction) * mb.n;
             }
-            impulse = impulse + friction;
+            gain = gain + (q.t1 * (l1 - x1) + q.t2 * (l2 - x2));
         } else if constexpr (kManifold) {
             va.linear = va.linear - times(ma.linear, impulse) * ma.n;
             va.angular = va.angular - ma.angular * cross(q.a, impulse) * ma.n;
             vb.linear = vb.linear + times(mb.linear, impulse) * mb.n;
             vb.angular = vb.angular + mb.angular * cross(q.b, impulse) * mb.n;
         }
-        push = push + impulse;
-        turn_a = turn_a + cross(q.a, impulse);
-        turn_b = turn_b + cross(q.b, impulse);
+        push = push + gain;
+        turn_a = turn_a + cross(q.a, gain);
+        turn_b = turn_b + cross(q.b, gain);
     }
     scatter_impulse(f, lane, -push, -turn_a, push, turn_b);
     if constexpr (kReduces)

@@ -274,7 +274,8 @@ template <bool kBounded, bool kReduces> void sweep_joints_of(const Frame<Real>& 
     load_six(hot + kPivot * kGroup, pivot);
     solve_block(factor, pivot, w, step);
 
-    Lane restart = zero, residual = zero;
+    // step: change from y, which the residuals follow; gain: from x, which the bodies get
+    Lane restart = zero, residual = zero, gain[6];
     for (std::uint32_t i = 0; i < 6; ++i) {
         Lane next = y[i] + step[i];
         if constexpr (kReduces) {
@@ -285,6 +286,7 @@ template <bool kBounded, bool kReduces> void sweep_joints_of(const Frame<Real>& 
             restart = restart + select(locked, w[i] * (next - x[i]), zero);
             residual = residual - select(locked, w[i] * step[i], zero);
         }
+        gain[i] = next - x[i];
         store(next, hot + (before + i) * kGroup);
     }
     if constexpr (kBounded) {
@@ -309,17 +311,18 @@ template <bool kBounded, bool kReduces> void sweep_joints_of(const Frame<Real>& 
             Lane next = select(on, clamp(y[m] - (change + target) * inverse, low, high), motor ? zero : y[i] + step[i]);
             if constexpr (kReduces)
                 next = select(active, next, x[m]);
-            const Lane gain = select(on, next - y[m], zero);
-            step[i] = step[i] + gain;
+            const Lane change_of_axis = select(on, next - y[m], zero);
+            step[i] = step[i] + change_of_axis;
+            gain[i] = motor ? gain[i] + (next - x[m]) : next - x[m];
             store(next, hot + (before + m) * kGroup);
             if constexpr (kReduces) {
-                const Lane diagonal = gain / select(on, inverse, Lane(Real(1)));
+                const Lane diagonal = change_of_axis / select(on, inverse, Lane(Real(1)));
                 restart = restart - diagonal * (next - x[m]);
-                residual = residual + diagonal * gain;
+                residual = residual + diagonal * change_of_axis;
             }
         }
     }
-    scatter_joint(f, lane, rows, step);
+    scatter_joint(f, lane, rows, gain);
     if constexpr (kReduces)
         store_partials(f, lane, restart, residual);
 }

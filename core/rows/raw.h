@@ -134,7 +134,7 @@ template <bool kReduces> void sweep_raw_of(const Frame<Real>& f, const Group& g,
             restart = restart - d * (next - x);
             residual = residual + d * change;
         }
-        wrench.add(row, change);
+        wrench.add(row, next - x); // the bodies get the change from x, the block's own rows see that from y
         va.linear = va.linear + times(ma.linear, row.linear_a * change) * ma.n;
         va.angular = va.angular + ma.angular * (row.angular_a * change) * ma.n;
         vb.linear = vb.linear + times(mb.linear, row.linear_b * change) * mb.n;

@@ -179,7 +179,8 @@ template <class S> struct Frame {
 enum class Stage : std::uint32_t {
     approach,       // groups: approach speeds, for restitution
     bouncing,       // islands: does any contact bounce
-    forces,         // bodies: external forces; inertia of the pose
+    inertia,        // bodies: of the pose at the step's start
+    forces,         // bodies: external forces
     build,          // groups: rows, effective masses, warm start
     begin,          // islands: control records
     apply_start,    // bodies: the warm start's impulses; momentum starts afresh

@@ -262,6 +262,10 @@ template <class S> void Scene<S>::pack(const Input& input, const Params& params,
     contact_cold_.resize_filled(contact_cold_size, 0);
     joint_.resize_filled(joint_size, 0);
     joint_cold_.resize_filled(joint_cold_size, 0);
+    for (const Group& group : joint_groups_) // idle lanes have unit quaternions, too
+        for (std::uint32_t lane = 0; lane < kGroup; ++lane)
+            for (const std::uint32_t frame_w : {kStartFrameA + 3, kStartFrameB + 3})
+                joint_cold_[group.cold_offset + frame_w * kGroup + lane] = 1;
     raw_.resize_filled(room(raw_groups_, kRawFields, 0).first, 0);
 
     for (const Block& block : contact_blocks_)

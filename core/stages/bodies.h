@@ -57,7 +57,6 @@ inline bool turn_body(Real* displacement, BodyVec angle) {
 
 inline void apply_forces(const Frame<Real>& f, std::uint32_t b) {
     const BodyConstants<Real>& body = f.body[b];
-    refresh_inertia(f, b);
     Real* v = f.velocity + 8 * static_cast<std::size_t>(b);
     put(at(v) + at(body.acceleration) * f.h, v);
     put(at(v + 4) + inertia_at(f, b) * (at(body.torque) * f.h), v + 4);
@@ -100,12 +99,14 @@ inline void apply_start(const Frame<Real>& f, std::uint32_t b) {
         x[c] = v[c];
 }
 
-// v+ = v_y + M^-1 J^T dlambda; then the next sweep looks at v+ + beta (v+ - v).
+// v+ = v + M^-1 J^T (lambda+ - lambda); the next sweep looks at v+ + beta (v+ - v), which is never added to: rounding errors
+// would otherwise follow the momentum's own double integrator.
 inline void apply_sweep(const Frame<Real>& f, std::uint32_t b) {
     Real* y = f.velocity + 8 * static_cast<std::size_t>(b);
     const Slots p = impulse_on(f, b);
-    const BodyVec v = at(y) + times(at(f.mass + 8 * static_cast<std::size_t>(b)), at(p.sum));
-    const BodyVec w = at(y + 4) + inertia_at(f, b) * at(p.sum + 4);
+    const Real* from = f.reduces ? f.iterate + 8 * static_cast<std::size_t>(b) : y;
+    const BodyVec v = at(from) + times(at(f.mass + 8 * static_cast<std::size_t>(b)), at(p.sum));
+    const BodyVec w = at(from + 4) + inertia_at(f, b) * at(p.sum + 4);
     if (!f.reduces) {
         put(v, y);
         put(w, y + 4);
@@ -149,10 +150,12 @@ inline void integrate_pose(const Frame<Real>& f, std::uint32_t b) {
         }
         if (turn_body(d, w * f.h))
             ++f.rotation_clamped[b];
-        put(spin_at(orientation_of(body, d), l), v + 4);
+        // as a difference, so that the rounding of R(q) in L = R I R^T w and back does not add up
+        put(at(v + 4) + (spin_at(orientation_of(body, d), l) - spin_at(q, l)), v + 4);
     } else if (turn_body(d, w * f.h)) {
         ++f.rotation_clamped[b];
     }
+    refresh_inertia(f, b);
 }
 
 // A position sweep's displacement M^-1 J^T dlambda.
