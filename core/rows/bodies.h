@@ -44,6 +44,12 @@ inline Mass<Lane> gather_mass(const Frame<Real>& f, const std::int32_t* index) {
     return {{c[0], c[1], c[2]}, {c[4], c[5], c[6], x[0], x[1], x[2]}, c[3]};
 }
 
+// n M^-1, the mass that a block works with on its own
+inline Mass<Lane> split_mass(const Mass<Lane>& m) {
+    const Sym3<Lane>& i = m.angular;
+    return {m.linear * m.n, {i.xx * m.n, i.yy * m.n, i.zz * m.n, i.xy * m.n, i.xz * m.n, i.yz * m.n}, m.n};
+}
+
 // Impulse of a block on its two sides, into their slots: (linear, angular) on a and on b
 inline void scatter_impulse(const Frame<Real>& f, std::size_t lane, const Vec3<Lane>& pa, const Vec3<Lane>& ta, const Vec3<Lane>& pb,
                             const Vec3<Lane>& tb) {

@@ -150,7 +150,8 @@ void step_friction(const Real* hot, const Lane& bound, const Lane& y1, const Lan
 }
 
 // One sweep over the manifolds of a group. Point blocks all see the velocities of the sweep's start; a manifold block is one
-// inner Gauss-Seidel sweep on local velocities that move with the split mass n M^-1 (with the whole mass it would oscillate).
+// inner Gauss-Seidel sweep on local velocities that move with the split mass n M^-1 (with the whole mass it would oscillate);
+// D_tn carries the normal's change to the tangents in both.
 template <bool kManifold, bool kFrictional, bool kPyramid, bool kReduces>
 void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Lane zero = Lane(Real(0));
@@ -159,8 +160,8 @@ void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std:
     const auto active = maximum(va.active, vb.active) > zero;
     Mass<Lane> ma, mb;
     if constexpr (kManifold) {
-        ma = gather_mass(f, f.lane_a + lane);
-        mb = gather_mass(f, f.lane_b + lane);
+        ma = split_mass(gather_mass(f, f.lane_a + lane));
+        mb = split_mass(gather_mass(f, f.lane_b + lane));
     }
     Vec3<Lane> push{zero, zero, zero}, turn_a = push, turn_b = push;
     Lane restart = zero, residual = zero;
@@ -168,7 +169,7 @@ void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std:
     for (std::uint32_t p = 0; p < g.count; ++p) {
         Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
         const PointGeometry q = load_point(hot);
-        Vec3<Lane> u = slip(q, va, vb);
+        const Vec3<Lane> u = slip(q, va, vb);
 
         const Lane xn = load_as<Lane>(hot + now * kGroup);
         const Lane yn = kReduces ? xn + beta * (xn - load_as<Lane>(hot + before * kGroup)) : xn;
@@ -183,26 +184,15 @@ void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std:
             restart = restart - d * (ln - xn);
             residual = residual + d * dn;
         }
-        // what the bodies get counts from x; what the sweep itself sees counts from y
-        const Vec3<Lane> impulse = q.n * dn;
-        Vec3<Lane> gain = q.n * (ln - xn);
+        // what the bodies get counts from x; what the block's next points see counts from y
+        Vec3<Lane> impulse = q.n * dn, gain = q.n * (ln - xn);
 
         if constexpr (kFrictional) {
-            if constexpr (kManifold) {
-                va.linear = va.linear - times(ma.linear, impulse) * ma.n;
-                va.angular = va.angular - ma.angular * cross(q.a, impulse) * ma.n;
-                vb.linear = vb.linear + times(mb.linear, impulse) * mb.n;
-                vb.angular = vb.angular + mb.angular * cross(q.b, impulse) * mb.n;
-                u = slip(q, va, vb);
-            }
             const Lane x1 = load_as<Lane>(hot + (now + 1) * kGroup), x2 = load_as<Lane>(hot + (now + 2) * kGroup);
             const Lane y1 = kReduces ? x1 + beta * (x1 - load_as<Lane>(hot + (before + 1) * kGroup)) : x1;
             const Lane y2 = kReduces ? x2 + beta * (x2 - load_as<Lane>(hot + (before + 2) * kGroup)) : x2;
-            Lane w1 = dot(q.t1, u), w2 = dot(q.t2, u);
-            if constexpr (!kManifold) {
-                w1 = w1 + load_as<Lane>(hot + kDn1 * kGroup) * dn;
-                w2 = w2 + load_as<Lane>(hot + kDn2 * kGroup) * dn;
-            }
+            const Lane w1 = dot(q.t1, u) + load_as<Lane>(hot + kDn1 * kGroup) * dn;
+            const Lane w2 = dot(q.t2, u) + load_as<Lane>(hot + kDn2 * kGroup) * dn;
             Lane l1, l2;
             step_friction<kPyramid>(hot, load_as<Lane>(hot + kFriction * kGroup) * ln, y1, y2, w1, w2, l1, l2);
             if constexpr (kReduces) {
@@ -217,19 +207,14 @@ void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std:
                 restart = restart - (e1 * (l1 - x1) + e2 * (l2 - x2));
                 residual = residual + (e1 * d1 + e2 * d2);
             }
-            const Vec3<Lane> friction = q.t1 * d1 + q.t2 * d2;
-            if constexpr (kManifold) {
-                va.linear = va.linear - times(ma.linear, friction) * ma.n;
-                va.angular = va.angular - ma.angular * cross(q.a, friction) * ma.n;
-                vb.linear = vb.linear + times(mb.linear, friction) * mb.n;
-                vb.angular = vb.angular + mb.angular * cross(q.b, friction) * mb.n;
-            }
+            impulse = impulse + (q.t1 * d1 + q.t2 * d2);
             gain = gain + (q.t1 * (l1 - x1) + q.t2 * (l2 - x2));
-        } else if constexpr (kManifold) {
-            va.linear = va.linear - times(ma.linear, impulse) * ma.n;
-            va.angular = va.angular - ma.angular * cross(q.a, impulse) * ma.n;
-            vb.linear = vb.linear + times(mb.linear, impulse) * mb.n;
-            vb.angular = vb.angular + mb.angular * cross(q.b, impulse) * mb.n;
+        }
+        if (kManifold && p + 1 < g.count) {
+            va.linear = va.linear - times(ma.linear, impulse);
+            va.angular = va.angular - ma.angular * cross(q.a, impulse);
+            vb.linear = vb.linear + times(mb.linear, impulse);
+            vb.angular = vb.angular + mb.angular * cross(q.b, impulse);
         }
         push = push + gain;
         turn_a = turn_a + cross(q.a, gain);

@@ -31,7 +31,8 @@ TEST_P(Rotation, FreeSpinKeepsMomentumAndEnergy) {
             least = std::min(least, scene.bodies[0].orientation.conjugate().operator*(scene.bodies[0].angular).y());
         }
         EXPECT_LT(least, -9) << "it did not tumble: the gyroscopic term is missing";
-        EXPECT_LT((scene.angular_momentum() - momentum).norm() / momentum.norm(), precision == 64 ? 1e-10 : 3e-5); // float: rounding, over 625 or 6250 turns
+        EXPECT_LT((scene.angular_momentum() - momentum).norm() / momentum.norm(),
+                  precision == 64 ? 1e-10 : 3e-5); // float: rounding, over 625 or 6250 turns
         EXPECT_LT(std::abs(scene.kinetic_energy() - energy) / energy, 1e-4);
         EXPECT_NEAR(scene.bodies[0].orientation.norm(), 1, precision == 64 ? 1e-12 : 1e-6);
     }
