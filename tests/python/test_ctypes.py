@@ -62,9 +62,9 @@ WHOLE_PARAMS = (
     "friction_model acceleration residual_trace"
 )
 REAL_PARAMS = (
-    "contact_warm_start joint_warm_start relax_share contact_baumgarte joint_baumgarte contact_hertz contact_damping_ratio "
-    "joint_hertz joint_damping_ratio hertz_limit static_hertz_scale max_push_speed restitution_threshold "
-    "residual_tolerance"
+    "contact_warm_start joint_warm_start relax_share contact_baumgarte joint_baumgarte contact_hertz "
+    "contact_damping_ratio joint_hertz joint_damping_ratio hertz_limit static_hertz_scale max_push_speed "
+    "restitution_threshold residual_tolerance"
 )
 
 
