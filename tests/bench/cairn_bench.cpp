@@ -2,7 +2,7 @@
 // around the sweeps shared out over them.
 //   ./dev bench                                                the table
 //   ./dev bench -- --benchmark_out=bench.json                  and every repetition as JSON
-//   ./dev bench -- --benchmark_filter="PJ, paper, AVX2"        some of it (stock Bullet always runs alongside)
+//   ./dev bench -- --benchmark_filter="PJ, paper, AVX2"      some of it (stock Bullet always runs alongside)
 // Every iteration of a benchmark steps a stock world, then the world measured, so that both see the same machine; the
 // repetitions of all benchmarks are shuffled for the same reason.
 #include "machine.h"
@@ -192,8 +192,8 @@ class Table final : public benchmark::BenchmarkReporter {
             return;
         const auto value = [&](const char* counter) { return found->second.counters.at(counter).value; };
         std::printf("%-24s %7.0f %6.0f %6.0f %9.3f %9.2f %9.2f %8.2f %8.2f %9.2f %9.2f\n", name, value("points"), value("rows"),
-                    value("iterations"), found->second.GetAdjustedRealTime(), value("ns"), value("sweep_ns"),
-                    value("cpu_ns"), value("ratio"), value("time_ratio"), value("drift_mm"));
+                    value("iterations"), found->second.GetAdjustedRealTime(), value("ns"), value("sweep_ns"), value("cpu_ns"),
+                    value("ratio"), value("time_ratio"), value("drift_mm"));
     }
 
     // Traffic of one sweep, counted by hand (core/rows/contact.h, core/rows/bodies.h, core/stages/bodies.h), floats of 4 bytes.
