@@ -96,8 +96,9 @@ void take_results(const cairn_results& results, const cairn_bodies& bodies, cons
 }
 
 void check_time_and_gravity(const cairn_step& step) {
-    if (!(std::isfinite(step.dt) && step.dt > 0))
-        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "step.dt is %g s: must be > 0 and finite", step.dt);
+    // below, the reciprocal of a substep in float would leave the range of numbers
+    if (!(std::isfinite(step.dt) && step.dt >= 1e-9))
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "step.dt is %g s: must be at least 1e-9 and finite", step.dt);
     for (int c = 0; c < 3; ++c)
         if (!std::isfinite(step.gravity[c]))
             refuse(CAIRN_ERROR_INVALID_ARGUMENT, "step.gravity[%d] is %s: must be finite", c,

@@ -3,6 +3,8 @@
 #include "fp_env.h"
 
 #include <algorithm>
+#include <new>
+#include <system_error>
 #ifdef __linux__
 #include <sched.h>
 #endif
@@ -44,9 +46,12 @@ Pool::Pool(std::uint32_t threads, const Hooks& hooks) : hooks_(hooks), threads_(
     if (hooks_.parallel_for)
         return; // the caller's threads do it
     try {
+        workers_.reserve(threads_);
         for (std::uint32_t i = 1; i < threads_; ++i)
             workers_.emplace_back([this] { work(); });
-    } catch (const std::system_error&) { // fewer threads than asked for: results are the same
+    } catch (const std::system_error&) {
+        threads_ = static_cast<std::uint32_t>(workers_.size()) + 1; // fewer than asked for: results are the same
+    } catch (const std::bad_alloc&) {
         threads_ = static_cast<std::uint32_t>(workers_.size()) + 1;
     }
 }

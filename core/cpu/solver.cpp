@@ -83,8 +83,9 @@ template <class S> struct CpuExecutor {
                 sum += static_cast<double>(frame.control[i].residual);
             trace.push_back(std::sqrt(sum));
         }
-        if (!(frame.tolerance > 0))
-            return false;
+        return (frame.tolerance > 0 || frame.phase == Phase::restitution) && idle();
+    }
+    bool idle() const {
         for (std::uint32_t i = 0; i < frame.island_count; ++i)
             if (frame.control[i].active > 0)
                 return false;
@@ -92,6 +93,7 @@ template <class S> struct CpuExecutor {
     }
 
     double kinetic_energy() {
+        const Clock::time_point start = Clock::now();
         energy.resize(frame.movable_count);
         pool.each(frame.movable_count, 64, [&](std::uint32_t begin, std::uint32_t end) {
             for (std::uint32_t i = begin; i < end; ++i)
@@ -100,11 +102,16 @@ template <class S> struct CpuExecutor {
         double sum = 0;
         for (const double e : energy)
             sum += e;
+        statistics.time_integrate += seconds_since(start);
         return sum;
     }
     void before_sweeps() { statistics.kinetic_energy_change -= kinetic_energy(); }
     void after_sweeps() { statistics.kinetic_energy_change += kinetic_energy(); }
-    void substeps_done() { scene.remember(input, next_cache); }
+    void substeps_done() {
+        const Clock::time_point start = Clock::now();
+        scene.remember(input, next_cache);
+        statistics.time_finish += seconds_since(start);
+    }
 };
 
 template <class S> class SolverOf final : public Solver {
@@ -133,7 +140,7 @@ template <class S> class SolverOf final : public Solver {
             params.restitution_iterations == kSameAsSweeps ? params.iterations / params.substeps : params.restitution_iterations;
         CpuExecutor<S> run{f, scene_, pool_, stage_entry_, params, input, now, trace, energy_, next_cache_};
         const bool counted = f.reduces; // by islands; else every one sweeps every time
-        run_schedule(run, plan);
+        const Done done = run_schedule(run, plan);
         if (const std::string bad = scene_.not_finite(); !bad.empty())
             throw NotFinite(bad);
 
@@ -155,11 +162,9 @@ template <class S> class SolverOf final : public Solver {
         }
         if (plan.constrained) {
             now.position_iterations = plan.position_iterations * plan.substeps;
-            for (std::uint32_t substep = 0; substep < plan.substeps; ++substep)
-                now.relax_iterations += plan.relaxed(substep);
         }
-        if (plan.bounces)
-            now.restitution_iterations = plan.restitution_iterations;
+        now.relax_iterations = done.relax;
+        now.restitution_iterations = done.restitution;
         now.warm_started = scene_.warm_started;
         for (std::uint32_t i = 0; i < f.body_count; ++i)
             now.rotation_clamped += f.rotation_clamped[i];
@@ -171,7 +176,7 @@ template <class S> class SolverOf final : public Solver {
         now.time_total = seconds_since(start);
         statistics_ = now;
         trace_ = std::move(trace);
-        split_counts_ = scene_.split_counts;
+        split_counts_.swap(scene_.split_counts); // no allocation once results are written
     }
 
     const Statistics& statistics() const override { return statistics_; }

@@ -29,7 +29,6 @@ inline float select(bool m, float a, float b) { return m ? a : b; }
 inline double select(bool m, double a, double b) { return m ? a : b; }
 inline float root(float a) { return std::sqrt(a); }
 inline double root(double a) { return std::sqrt(a); }
-inline bool any(bool m) { return m; }
 inline void load(float& a, const float* from) { a = *from; }
 inline void load(double& a, const double* from) { a = *from; }
 inline void store(float a, float* to) { *to = a; }
@@ -44,7 +43,6 @@ inline Lane select(const Mask& m, const Lane& a, const Lane& b) {
     return r;
 }
 inline Lane root(const Lane& a) { return std::experimental::sqrt(a); }
-inline bool any(const Mask& m) { return std::experimental::any_of(m); }
 inline void load(Lane& a, const Real* from) { a.copy_from(from, std::experimental::vector_aligned); }
 inline void store(const Lane& a, Real* to) { a.copy_to(to, std::experimental::vector_aligned); }
 #else

@@ -1,7 +1,7 @@
 // The methods as one schedule over shared stages (paper section 3.6, Figure 2). An executor says how a stage is run: over SIMD
 // lanes and threads, in one CUDA block, in a cooperative grid or as a graph of kernels. It has `frame`, each(stage);
-// traced(), called after every reduction: true if no island has anything left to do; and before_sweeps(), after_sweeps() and
-// substeps_done() to look on: energies, the warm-start cache.
+// traced(), called after every reduction: true if no island has anything left to do; idle(), the same at any time; and before_sweeps(),
+// after_sweeps() and substeps_done() to look on: energies, the warm-start cache.
 #pragma once
 #include "../scene/frame.h"
 #include "params.h"
@@ -23,12 +23,15 @@ struct Plan {
     }
 };
 
-template <class Executor> void solve_velocities(Executor& run, Phase phase, std::uint32_t sweeps) {
+// Returns how many sweeps were made.
+template <class Executor> std::uint32_t solve_velocities(Executor& run, Phase phase, std::uint32_t sweeps) {
     auto& f = run.frame;
     f.phase = phase;
     if (phase == Phase::restitution)
         f.reduces = true; // islands in which nothing bounces rest
     run.each(Stage::begin);
+    if (phase == Phase::restitution && run.idle())
+        return 0;
     run.each(Stage::build);
     run.each(Stage::apply_start);
     for (std::uint32_t i = 0; i < sweeps; ++i) {
@@ -39,8 +42,9 @@ template <class Executor> void solve_velocities(Executor& run, Phase phase, std:
         run.each(Stage::apply);
         f.current ^= 1u;
         if (f.reduces && run.traced())
-            break;
+            return i + 1;
     }
+    return sweeps;
 }
 
 template <class Executor> void solve_positions(Executor& run, std::uint32_t sweeps) {
@@ -50,7 +54,13 @@ template <class Executor> void solve_positions(Executor& run, std::uint32_t swee
     }
 }
 
-template <class Executor> void run_schedule(Executor& run, const Plan& plan) {
+// Sweeps that were made beside the biased ones.
+struct Done {
+    std::uint32_t relax = 0, restitution = 0;
+};
+
+template <class Executor> Done run_schedule(Executor& run, const Plan& plan) {
+    Done done;
     run.each(Stage::inertia);
     if (plan.bounces) {
         run.each(Stage::approach);
@@ -67,14 +77,16 @@ template <class Executor> void run_schedule(Executor& run, const Plan& plan) {
             continue;
         solve_positions(run, plan.position_iterations);
         if (plan.relaxed(substep) > 0)
-            solve_velocities(run, Phase::relax, plan.relaxed(substep));
+            done.relax += solve_velocities(run, Phase::relax, plan.relaxed(substep));
         run.each(Stage::accumulate);
     }
     run.substeps_done();
     if (plan.bounces) {
-        solve_velocities(run, Phase::restitution, plan.restitution_iterations);
-        run.each(Stage::accumulate);
+        done.restitution = solve_velocities(run, Phase::restitution, plan.restitution_iterations);
+        if (done.restitution > 0)
+            run.each(Stage::accumulate);
     }
+    return done;
 }
 
 } // namespace cairn

@@ -112,7 +112,7 @@ inline void build_contacts(const Frame<Real>& f, const Group& g, std::size_t lan
         Vec3<Lane> start = load3(hot + (kLambda + 3 * f.current) * kGroup);
         if (f.phase == Phase::substep)
             start = start * Lane(f.warm ? f.contact_warm : Real(0));
-        if (f.phase == Phase::substep && f.warm && g.friction) {
+        if (f.phase == Phase::substep && f.warm) { // also where friction has just ceased: its impulse then ends
             const Lane bound = load_as<Lane>(hot + kFriction * kGroup) * start.x, size = root(start.y * start.y + start.z * start.z);
             const Lane scale = select(size > bound, bound * inverse_or_zero(size), Lane(Real(1)));
             start.y = start.y * scale;

@@ -197,7 +197,10 @@ inline void build_joints(const Frame<Real>& f, const Group& g, std::size_t lane,
         const Lane low = load_as<Lane>(cold + (kLowerLimit + i) * kGroup), high = load_as<Lane>(cold + (kUpperLimit + i) * kGroup);
         // the nearer limit is the one that may act; a locked axis has low = high = the value it is locked at
         const Lane past_low = j.error[i] - low, past_high = j.error[i] - high;
-        const auto lower = past_low < -past_high;
+        // later phases go on with the limit that has acted
+        const auto nearer = past_low < -past_high;
+        const Lane held = load_as<Lane>(hot + (kJointLambda + 12 * f.current + i) * kGroup);
+        const auto lower = f.phase == Phase::substep ? nearer : held > zero || (nearer && !(held < zero));
         const Lane c = select(lower, past_low, past_high);
         const auto apart = (limited[i] > zero) && select(lower, c, -c) > zero;
         store(select(apart, c / h, c * rate), hot + (kJointBias + i) * kGroup);
@@ -229,6 +232,8 @@ inline void build_joints(const Frame<Real>& f, const Group& g, std::size_t lane,
                 const Lane high = i < 6 ? load_as<Lane>(hot + (kHigh + axis) * kGroup) : load_as<Lane>(hot + (kMotorBound + axis) * kGroup);
                 const Lane on = i < 6 ? limited[axis] : driven[axis];
                 start = select(on > zero, clamp(start, low, high), i < 6 ? start * locked[axis] : zero);
+            } else { // what an axis that is now free, or a motor that is gone, did last time ends
+                start = i < 6 ? start * locked[axis] : zero;
             }
         }
         store(start, hot + (kJointLambda + i) * kGroup);
@@ -289,6 +294,7 @@ template <bool kBounded, bool kReduces> void sweep_joints_of(const Frame<Real>& 
         gain[i] = next - x[i];
         store(next, hot + (before + i) * kGroup);
     }
+    residual = maximum(zero, residual); // rounding can take a small one below
     if constexpr (kBounded) {
         Lane d[21];
         for (std::uint32_t i = 0; i < 21; ++i)

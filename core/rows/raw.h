@@ -51,7 +51,7 @@ inline void build_raw(const Frame<Real>& f, const Group& g, std::size_t lane, st
     for (std::uint32_t r = 0; r < g.count; ++r) {
         Real* hot = f.raw + g.offset + r * kRawFields * kGroup + sub;
         const RawRow row = load_raw(hot);
-        Lane d = diagonal[r];
+        Lane d = diagonal[r], gamma = load_as<Lane>(hot + kRawGamma * kGroup);
         // rows that share a disc share sigma, the larger eigenvalue of their 2x2 block
         for (std::uint32_t partner = r > 0 ? r - 1 : 1; partner < g.count && partner <= r + 1; partner += 2) {
             const bool first = partner > r;
@@ -60,9 +60,12 @@ inline void build_raw(const Frame<Real>& f, const Group& g, std::size_t lane, st
                                mb.n * mb.between(row.linear_b, row.angular_b, other.linear_b, other.angular_b);
             const Lane half = (diagonal[r] - diagonal[partner]) * Lane(Real(0.5));
             const Lane sigma = (diagonal[r] + diagonal[partner]) * Lane(Real(0.5)) + root(half * half + cross * cross);
-            d = select(load_as<Lane>(hot + (first ? kPairFirst : kPairSecond) * kGroup) > zero, sigma, d);
+            const auto paired = load_as<Lane>(hot + (first ? kPairFirst : kPairSecond) * kGroup) > zero;
+            const Lane other_gamma = load_as<Lane>(f.raw + g.offset + (partner * kRawFields + kRawGamma) * kGroup + sub);
+            d = select(paired, sigma, d);
+            gamma = select(paired, maximum(gamma, other_gamma), gamma); // one metric, or the disc's fixed point would be wrong
         }
-        d = d + load_as<Lane>(hot + kRawGamma * kGroup);
+        d = d + gamma;
         store(d, hot + kRawD * kGroup);
         store(inverse_or_zero(d), hot + kRawInverse * kGroup);
         Lane start = load_as<Lane>(hot + (kRawLambda + f.current) * kGroup);

@@ -15,21 +15,14 @@ bool rubs(const Input& input, const Block& block, const Params& params) {
     return false;
 }
 
-std::uint32_t axis_flags(const Input& input, std::size_t joint, std::size_t axis) {
-    std::uint32_t flags = static_cast<std::uint32_t>(input.joints.axes.integer(joint, axis));
-    // a limit without room is a lock
-    if ((flags & 2u) && input.joints.lower.real(joint, axis) == input.joints.upper.real(joint, axis))
-        flags = 1u;
-    return flags;
-}
-
+// By the axes as they were given: one whose limits leave no room is locked, but at an angle that its own coordinate measures.
 Rotation rotation_of(const Input& input, std::size_t joint) {
     int locked = 0, loose = 0;
     bool used = false;
     for (int i = 0; i < 3; ++i) {
-        const std::uint32_t flags = axis_flags(input, joint, static_cast<std::size_t>(3 + i));
+        const std::int64_t flags = input.joints.axes.integer(joint, static_cast<std::size_t>(3 + i));
         used = used || flags != 0;
-        if (flags == 1u)
+        if (flags == 1)
             ++locked;
         else
             loose = i;
@@ -52,17 +45,22 @@ bool bounded(const Input& input, std::size_t joint) {
 
 } // namespace
 
+std::uint32_t axis_flags(const Input& input, std::size_t joint, std::size_t axis) {
+    const std::uint32_t flags = static_cast<std::uint32_t>(input.joints.axes.integer(joint, axis));
+    const bool pinned = (flags & 2u) && input.joints.lower.real(joint, axis) == input.joints.upper.real(joint, axis);
+    return pinned ? 1u : flags;
+}
+
 template <class S> void Scene<S>::find_blocks(const Input& input, const Params& params) {
-    const auto begins = [](std::vector<Block>& blocks, std::int32_t a, std::int32_t b, std::uint32_t i, std::uint32_t most) {
+    const auto add = [](std::vector<Block>& blocks, std::int32_t a, std::int32_t b, std::uint32_t i, std::uint32_t most) {
         if (!blocks.empty()) {
             Block& last = blocks.back();
             if (last.a == a && last.b == b && last.first + last.count == i && last.count < most) {
                 ++last.count;
-                return false;
+                return;
             }
         }
         blocks.push_back({a, b, i, 1, 0, 0});
-        return true;
     };
     const auto body = [](const Column& column, std::size_t i) { return static_cast<std::int32_t>(column.integer(i)); };
 
@@ -74,7 +72,7 @@ template <class S> void Scene<S>::find_blocks(const Input& input, const Params& 
         const std::int32_t a = body(input.contacts.body_a, i), b = body(input.contacts.body_b, i);
         if (!movable(a) && !movable(b))
             continue;
-        begins(contact_blocks_, a, b, i, kPoints);
+        add(contact_blocks_, a, b, i, kPoints);
         ++contacts;
     }
     for (std::uint32_t i = 0; i < input.joints.count; ++i) {
@@ -94,7 +92,7 @@ template <class S> void Scene<S>::find_blocks(const Input& input, const Params& 
         const std::int64_t block = input.rows.block.present() ? input.rows.block.integer(i) : 0;
         if (movable(a) || movable(b)) {
             if (block == last_block)
-                begins(raw_blocks_, a, b, i, kRawRows);
+                add(raw_blocks_, a, b, i, kRawRows);
             else
                 raw_blocks_.push_back({a, b, i, 1, 0, 0});
             ++rows;

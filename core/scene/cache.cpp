@@ -84,8 +84,8 @@ std::span<const std::byte> KeyedValues::load(std::span<const std::byte> from) {
         if (key == 0)
             throw std::invalid_argument("the warm-start cache holds a key of 0");
     for (const double value : values_)
-        if (!std::isfinite(value))
-            throw std::invalid_argument("the warm-start cache holds a number that is not finite");
+        if (!(std::abs(value) <= 1e30))
+            throw std::invalid_argument("the warm-start cache holds a number that is out of range");
     index();
     return from;
 }

@@ -3,7 +3,7 @@
 // Bodies are rows of eight numbers, because constraints reach them by index and a row is one cache line's half:
 //   velocity      vx vy vz beta | wx wy wz active     where the next sweep looks (Nesterov's y); beta, active: its island's
 //   displacement  dx dy dz 0    | qx qy qz qw         since the step's start; far from the origin nothing is lost
-//   mass          1/m x y z, n  | Ixx Iyy Izz movable  inverse, factors applied; n: blocks that share the body (eq. 19)
+//   mass          1/m x y z, n  | Ixx Iyy Izz 0        inverse, factors applied; n: blocks that share the body (eq. 19)
 //   mass_cross    Ixy Ixz Iyz ...
 // Row body_count is the world. Constraints are structures of arrays in groups of kGroup lanes, [field][lane]; a group holds
 // blocks of one shape (manifolds of as many points, joints of one kind), so that no lane idles. A block writes the impulse
@@ -130,8 +130,8 @@ template <class S> struct BodyConstants {
     S inverse_mass[3];    // with factors
     S angular_factor[3];
     S acceleration[3], torque[3];
-    S mass;                              // 1/inverse mass, for the energy; 0 if it has none
-    bool movable, gyroscopic, full_turn; // full_turn: angular factors are all 1
+    S mass; // 1/inverse mass, for the energy; 0 if it has none
+    bool movable, gyroscopic;
 };
 
 // One island's state of the iteration.
@@ -165,7 +165,7 @@ template <class S> struct Frame {
     std::uint8_t* island_bounces;
     Control<S>* control;
     // the substep
-    S h, dt, gravity[3];
+    S h, dt;
     std::uint32_t current; // lambda's buffer that holds x; the other holds the x before
     Phase phase;
     bool warm, momentum, reduces, last_sweep, manifold_blocks, pyramid;

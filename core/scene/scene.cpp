@@ -49,7 +49,7 @@ Scene<S>::Scene(const Hooks& hooks)
       partial_residual_(hooks), lane_a_(hooks), lane_b_(hooks), slot_a_(hooks), slot_b_(hooks), lane_partial_(hooks), moving_(hooks),
       body_island_(hooks), slot_begin_(hooks), clamped_(hooks), island_begin_(hooks), island_bounces_(hooks), control_(hooks) {}
 
-template <class S> void Scene<S>::pack_bodies(const Input& input) {
+template <class S> void Scene<S>::pack_bodies(const Input& input, std::uint32_t substeps) {
     const BodyColumns& in = input.bodies;
     const std::size_t count = in.count;
     frame.body_count = static_cast<std::uint32_t>(count);
@@ -85,9 +85,9 @@ template <class S> void Scene<S>::pack_bodies(const Input& input) {
         body.mass = static_cast<S>(inverse_mass > 0 ? 1 / inverse_mass : 0);
         const bool turns = (inertia.x > 0 || inertia.y > 0 || inertia.z > 0) && (angular.x != 0 || angular.y != 0 || angular.z != 0);
         body.movable = factored.x > 0 || factored.y > 0 || factored.z > 0 || turns;
-        body.full_turn = angular.x == 1 && angular.y == 1 && angular.z == 1;
+        const bool full_turn = angular.x == 1 && angular.y == 1 && angular.z == 1;
         const bool even = inertia.x == inertia.y && inertia.y == inertia.z;
-        body.gyroscopic = body.movable && body.full_turn && !even && inertia.x > 0 && inertia.y > 0 && inertia.z > 0 && !(flags & 1u);
+        body.gyroscopic = body.movable && full_turn && !even && inertia.x > 0 && inertia.y > 0 && inertia.z > 0 && !(flags & 1u);
 
         const V v = real3(in.linear_velocity, i), w = real3(in.angular_velocity, i);
         S* row = velocity_.data() + 8 * i;
@@ -100,8 +100,9 @@ template <class S> void Scene<S>::pack_bodies(const Input& input) {
         displacement[7] = 1;
         if (!body.movable && (flags & 2u)) { // it stands where the step ends: at the start it was not there yet
             put3(displacement, 1, v * -input.dt);
-            const double angle = std::sqrt(dot(w, w)) * input.dt, s = angle > 0 ? -std::sin(0.5 * angle) * input.dt / angle : 0;
-            put3(displacement + 4, 1, w * s);
+            const double speed = std::sqrt(dot(w, w)),
+                         angle = std::min(speed * input.dt, substeps * std::numbers::pi / 4); // as far as it will turn
+            put3(displacement + 4, 1, w * (speed > 0 ? -std::sin(0.5 * angle) / speed : 0));
             displacement[7] = static_cast<S>(std::cos(0.5 * angle));
         }
     }
@@ -124,7 +125,8 @@ void Scene<S>::pack_contact(const Input& input, std::size_t i, S* hot, S* cold, 
     const ContactColumns& in = input.contacts;
     const auto field = [](S* base, std::uint32_t f) { return base + std::size_t{f} * kGroup; };
     const V n = normalized(real3(in.normal, i)), arm_a = real3(in.arm_a, i), arm_b = real3(in.arm_b, i);
-    const double separation = in.separation.real(i), friction = params.friction_model == Friction::none ? 0 : real_or(in.friction, i, 0);
+    const double separation = in.separation.real(i);
+    const double friction = params.friction_model == Friction::none ? 0 : std::min(real_or(in.friction, i, 0), 1e30);
     const V wish = real3(in.tangent, i), flat = wish - n * dot(wish, n);
     const bool chosen = dot(flat, flat) > 1e-12 * dot(wish, wish) && dot(wish, wish) > 0;
     const V t1 = chosen ? normalized(flat) : perpendicular(n), t2 = cross(n, t1);
@@ -144,7 +146,7 @@ void Scene<S>::pack_contact(const Input& input, std::size_t i, S* hot, S* cold, 
     const double restitution = real_or(in.restitution, i, 0);
     *field(cold, kRestitution) = static_cast<S>(restitution);
     bounces = bounces || restitution > 0;
-    const double h = input.dt / params.substeps;
+    const double h = static_cast<double>(frame.h);
     if (const double* last = params.contact_warm_start > 0 ? cache.contacts.find(key_of(in.key, i)) : nullptr) {
         const V tangential{last[1], last[2], last[3]};
         put3(field(hot, kLambda), kGroup, V{last[0] * h, dot(tangential, t1) * h, dot(tangential, t2) * h});
@@ -181,14 +183,13 @@ template <class S> void Scene<S>::pack_joint(const Input& input, std::size_t i, 
     put4(kStartFrameA, a.frame);
     put4(kStartFrameB, b.frame);
     for (std::size_t axis = 0; axis < 6; ++axis) {
-        const std::uint32_t flags = static_cast<std::uint32_t>(in.axes.integer(i, axis));
+        const std::uint32_t given = static_cast<std::uint32_t>(in.axes.integer(i, axis)), flags = axis_flags(input, i, axis);
         constexpr double huge = 1e30; // stands for infinity: 0 * infinity would be NaN
-        const double low = flags & 2u ? std::max(in.lower.real(i, axis), -huge) : 0;
-        const double high = flags & 2u ? std::min(in.upper.real(i, axis), huge) : 0;
-        const bool pinned = (flags & 2u) && low == high; // a limit without room is a lock
-        *field(cold, kIsLocked + axis) = (flags & 1u) || pinned ? S(1) : S(0);
-        *field(cold, kIsLimited + axis) = (flags & 2u) && !pinned ? S(1) : S(0);
-        *field(cold, kIsDriven + axis) = (flags & 4u) && !pinned ? S(1) : S(0);
+        const double low = given & 2u ? std::max(in.lower.real(i, axis), -huge) : 0;
+        const double high = given & 2u ? std::min(in.upper.real(i, axis), huge) : 0;
+        *field(cold, kIsLocked + axis) = flags & 1u ? S(1) : S(0);
+        *field(cold, kIsLimited + axis) = flags & 2u ? S(1) : S(0);
+        *field(cold, kIsDriven + axis) = flags & 4u ? S(1) : S(0);
         *field(cold, kLowerLimit + axis) = static_cast<S>(low);
         *field(cold, kUpperLimit + axis) = static_cast<S>(high);
         *field(cold, kSpeed + axis) = static_cast<S>(flags & 4u ? in.motor_speed.real(i, axis) : 0);
@@ -215,7 +216,7 @@ template <class S> void Scene<S>::pack_row(const Input& input, const Block& bloc
     *field(kRawLow) = static_cast<S>(std::max(real_or(in.lower, i, -huge), -huge));
     *field(kRawHigh) = static_cast<S>(std::min(real_or(in.upper, i, huge), huge));
     *field(kRawGamma) = static_cast<S>(real_or(in.compliance, i, 0));
-    *field(kRawFriction) = static_cast<S>(real_or(in.friction, i, 0));
+    *field(kRawFriction) = static_cast<S>(std::min(real_or(in.friction, i, 0), huge));
     const auto source_of = [&](std::size_t row) -> std::int64_t {
         return in.friction_index.present() ? in.friction_index.integer(row) : -1;
     };
@@ -244,7 +245,7 @@ template <class S> void Scene<S>::pack(const Input& input, const Params& params,
     frame.dt = static_cast<S>(input.dt);
     frame.h = static_cast<S>(input.dt / params.substeps);
     frame.current = 0;
-    pack_bodies(input);
+    pack_bodies(input, params.substeps);
     find_blocks(input, params);
     find_islands();
     lay_out(input, params);
@@ -320,7 +321,7 @@ template <class S> void Scene<S>::pack(const Input& input, const Params& params,
 
     const bool momentum = params.acceleration == Acceleration::nesterov;
     const double pi2 = 2 * std::numbers::pi, limit = params.hertz_limit / (input.dt / params.substeps);
-    const double contact_hertz = std::min(params.contact_hertz, limit), joint_hertz = std::min(params.joint_hertz, limit);
+    const auto omega = [&](double hertz) { return static_cast<S>(pi2 * std::min(hertz, limit)); };
     const MethodRow& method = row_of(params.method);
     frame.warm = params.contact_warm_start > 0 || params.joint_warm_start > 0;
     frame.momentum = momentum;
@@ -335,10 +336,10 @@ template <class S> void Scene<S>::pack(const Input& input, const Params& params,
     frame.joint_warm = static_cast<S>(params.joint_warm_start);
     frame.contact_baumgarte = static_cast<S>(params.contact_baumgarte);
     frame.joint_baumgarte = static_cast<S>(params.joint_baumgarte);
-    frame.contact_omega = static_cast<S>(pi2 * contact_hertz);
-    frame.contact_omega_static = static_cast<S>(pi2 * contact_hertz * params.static_hertz_scale);
+    frame.contact_omega = omega(params.contact_hertz);
+    frame.contact_omega_static = omega(params.contact_hertz * params.static_hertz_scale);
     frame.contact_zeta = static_cast<S>(params.contact_damping_ratio);
-    frame.joint_omega = static_cast<S>(pi2 * joint_hertz);
+    frame.joint_omega = omega(params.joint_hertz);
     frame.joint_zeta = static_cast<S>(params.joint_damping_ratio);
     frame.push_speed = static_cast<S>(std::min(params.max_push_speed, 1e30));
     frame.restitution_threshold = static_cast<S>(params.restitution_threshold);

@@ -6,7 +6,6 @@
 #include "frame.h"
 #include "input.h"
 
-#include <array>
 #include <string>
 #include <vector>
 
@@ -19,6 +18,9 @@ struct Block {
     std::uint32_t lane;         // over all kinds
     std::uint32_t island;
 };
+
+// cairn_joints.axes of one axis; a limit without room is a lock.
+std::uint32_t axis_flags(const Input& input, std::size_t joint, std::size_t axis);
 
 template <class S> class Scene {
   public:
@@ -39,7 +41,7 @@ template <class S> class Scene {
     bool bounces = false;
 
   private:
-    void pack_bodies(const Input& input);
+    void pack_bodies(const Input& input, std::uint32_t substeps);
     void find_blocks(const Input& input, const Params& params);
     void find_islands();
     void lay_out(const Input& input, const Params& params);

@@ -149,7 +149,8 @@ typedef struct cairn_contacts {
 /* Coordinates: translation of b's frame origin from a's, along the axes of a's frame; rotation of b's frame relative to a's.
  * Rotation by kind of joint: all three locked: rotation vector 2 vec(q); exactly one not locked: the angle about it in
  * (-pi, pi], and the other two by the paper's dot products; otherwise Cardan angles x-y-z as in btGeneric6DofConstraint
- * (y within +-pi/2). */
+ * (y within +-pi/2), of b relative to a: signs opposite to Bullet's. There limits and motors of x and z act along the normalised
+ * axes, as Bullet's do, on cos(y) times the coordinate's rate. */
 typedef struct cairn_joints {
     uint32_t struct_size;
     uint32_t count;
@@ -170,7 +171,7 @@ typedef struct cairn_joints {
 
 /* Raw rows: constraints that Cairn does not know, as Jacobians of the step's start, frozen over its substeps:
  *     J v + compliance * lambda = rhs,   lower <= lambda <= upper
- * Consecutive rows of the same two bodies and the same `block`, at most six, are solved together. */
+ * Consecutive rows of the same two bodies and the same `block` are solved together: at most six, or they are refused. */
 typedef struct cairn_rows {
     uint32_t struct_size;
     uint32_t count;
@@ -194,7 +195,7 @@ typedef struct cairn_rows {
 typedef struct cairn_step {
     uint32_t struct_size;
     uint32_t reserved;    /* 0 */
-    double dt;            /* s, > 0 */
+    double dt;            /* s, at least 1e-9 */
     double gravity[3];    /* m/s^2, on every body with inverse mass > 0 */
     const cairn_bodies *bodies;
     const cairn_contacts *contacts; /* may be NULL: none */
@@ -252,7 +253,7 @@ typedef struct cairn_params {
     uint32_t acceleration;           /* CAIRN_ACCELERATION_... */
     uint32_t residual_trace;         /* 1: record the residual of every sweep (cairn_solver_residual_trace) */
     double contact_warm_start;       /* share of the last impulse to start from; 0 (cold) ... 1 */
-    double joint_warm_start;         /* likewise; keep <= 0.5 with a rigid bias: see README, "limits" */
+    double joint_warm_start;         /* likewise, for joints and raw rows; keep <= 0.5 with a rigid bias: see README, "limits" */
     double relax_share;              /* share of a substep's sweeps, rounded down, that come after its poses are integrated, without
                                         bias: they take the push-out speed out again; 0 ... below 1 */
     double contact_baumgarte;        /* share of the error removed per substep (paper eq. 20), 0 ... 1; PJ, TJ */
