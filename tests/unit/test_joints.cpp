@@ -162,6 +162,29 @@ TEST_P(JointMethods, LimitsStopAtTheLimit) {
     }
 }
 
+// A limit without room locks the axis in its own coordinate, also far from zero.
+TEST_P(JointMethods, AHingeIsHeldAtTheAngleItIsPinnedTo) {
+    Scene scene;
+    Body body = Body::box(1, {0.2, 0.1, 0.3}, {1, 0, 0});
+    body.orientation = Quat(Eigen::AngleAxisd(2.5, Vec3::UnitZ()));
+    body.angular = Vec3(0, 0, 0.5);
+    scene.add(body);
+    Joint joint;
+    joint.b = 0;
+    joint.anchor_a = Vec3(1, 0, 0);
+    joint.axes = {1, 1, 1, 1, 1, CAIRN_AXIS_LIMITED};
+    joint.lower[5] = joint.upper[5] = 2.5;
+    scene.joints.push_back(joint);
+    const Solver solver;
+    const cairn_params params = converged(GetParam());
+    check(cairn_solver_set_params(solver.get(), &params));
+    for (int frame = 0; frame < 60; ++frame) {
+        scene.step(solver);
+        EXPECT_LT(Eigen::AngleAxisd(scene.bodies[0].orientation * body.orientation.conjugate()).angle(), 0.02);
+    }
+    EXPECT_LT(scene.bodies[0].angular.norm(), 0.05);
+}
+
 TEST_P(JointMethods, LimitsHoldAWeightOnASlider) {
     Scene scene;
     scene.gravity = Vec3(0, 0, -9.81);

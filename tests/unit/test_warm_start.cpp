@@ -103,6 +103,50 @@ TEST_P(WarmStart, OneSweepHoldsWhatIsAlreadySolved) {
     EXPECT_GT(sag[false], 1e-2) << "warm start makes no difference here: this test checks nothing";
 }
 
+// A contact that loses its friction keeps no friction impulse from before: the box slides freely.
+TEST_P(WarmStart, FrictionThatCeasesLeavesNothingBehind) {
+    Scene scene;
+    scene.gravity = Vec3(2, 0, -10);
+    scene.add(Body::box(1, kHalf, {0, 0, kHalf.z()}));
+    const Solver solver;
+    const cairn_params params = warm(GetParam());
+    check(cairn_solver_set_params(solver.get(), &params));
+    Impulses out;
+    for (int frame = 0; frame < 40; ++frame) {
+        scene.contacts.clear();
+        touch_box(scene, 0, kHalf, Plane{}, frame < 20 ? 0.5 : 0);
+        out = scene.step(solver);
+    }
+    EXPECT_NEAR(scene.bodies[0].linear.x(), 20 * 2 * scene.dt, 0.02);
+    for (std::size_t i = 0; i < scene.contacts.size(); ++i)
+        EXPECT_EQ(out.friction_of(i).norm(), 0);
+}
+
+// Likewise a joint whose limit is taken away.
+TEST_P(WarmStart, ALimitThatIsGoneLeavesNothingBehind) {
+    Scene scene;
+    scene.gravity = Vec3(10, 0, 0);
+    scene.add(Body::box(1, kHalf, Vec3::Zero()));
+    Joint joint;
+    joint.b = 0;
+    joint.key = 7;
+    joint.axes = {CAIRN_AXIS_LIMITED, 1, 1, 1, 1, 1};
+    joint.lower[0] = -1;
+    scene.joints.push_back(joint);
+    const Solver solver;
+    cairn_params params = warm(GetParam());
+    params.joint_warm_start = 0.5;
+    check(cairn_solver_set_params(solver.get(), &params));
+    for (int frame = 0; frame < 40; ++frame) {
+        if (frame == 20) {
+            EXPECT_NEAR(scene.bodies[0].linear.x(), 0, 0.02);
+            scene.joints[0].axes[0] = CAIRN_AXIS_FREE;
+        }
+        scene.step(solver);
+    }
+    EXPECT_NEAR(scene.bodies[0].linear.x(), 20 * 10 * scene.dt, 0.05);
+}
+
 TEST_P(WarmStart, ASavedCacheContinuesWithTheSameBits) {
     Scene scene = resting();
     scene.bodies[0].linear = Vec3(0.5, 0.2, 0);
