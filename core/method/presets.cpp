@@ -16,7 +16,7 @@ Params preset(Method method, Preset preset) {
     p.splitting = Splitting::point;
     p.restitution_threshold = 0.5;
     if (preset == Preset::paper) {
-        p.position_iterations = row.position_sweeps ? 300 : 0;
+        p.position_iterations = row.position_sweeps ? 300 : 0; // the paper gives no number; its times fit one to each sweep
         p.contact_baumgarte = p.joint_baumgarte = row.substeps ? 0.6 : 0.2;
         p.contact_hertz = p.joint_hertz = 300;
         p.contact_damping_ratio = p.joint_damping_ratio = 1;

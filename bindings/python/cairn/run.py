@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import platform
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -144,7 +145,7 @@ def _state(world: BulletWorld) -> Array:
     return np.hstack([world.poses, world.velocities])
 
 
-class _Runner:
+class _Runner(ABC):
     """Steps a world and tells the judge; `request` holds those keys of the summary that say what was asked for."""
 
     world: BulletWorld
@@ -155,9 +156,9 @@ class _Runner:
         self.stage_ms: dict[str, list[float]] = {}
         self.residual_trace: Array = np.zeros(0)
 
+    @abstractmethod
     def step(self, frame: int, judge: Judge) -> bool:
         """False if the step left the range of numbers."""
-        raise NotImplementedError
 
 
 class _Cairn(_Runner):
