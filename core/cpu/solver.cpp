@@ -1,6 +1,7 @@
 // The CPU's executor: stages over SIMD lanes and threads.
 #include "../solver.h"
 
+#include "../method/counts.h"
 #include "../method/schedule.h"
 #include "../scene/scene.h"
 #include "kernels.h"
@@ -19,37 +20,25 @@ double seconds_since(Clock::time_point start) { return std::chrono::duration<dou
 
 template <class S> struct CpuExecutor {
     Frame<S>& frame;
-    Scene<S>& scene;
     Pool& pool;
     RunStage<S> stage_entry;
-    const Params& params;
-    const Input& input;
     Statistics& statistics;
-    std::vector<double>& trace;
-    std::vector<double>& energy;
-    WarmStartCache& next_cache;
 
     void each(Stage stage) {
         const Clock::time_point start = Clock::now();
         const auto loop = [&](std::uint32_t begin, std::uint32_t end) { stage_entry(stage, frame, begin, end); };
-        switch (stage) {
-        case Stage::inertia:
-        case Stage::forces:
-        case Stage::apply_start:
-        case Stage::apply:
-        case Stage::position_apply:
+        switch (domain_of(stage)) {
+        case Domain::groups:
+            pool.each(frame.contact_groups + frame.joint_groups + frame.raw_groups, 4, loop);
+            break;
+        case Domain::movable:
             pool.each(frame.movable_count, 64, loop);
             break;
-        case Stage::integrate:
+        case Domain::moving:
             pool.each(frame.moving_count, 64, loop);
             break;
-        case Stage::bouncing:
-        case Stage::begin:
-        case Stage::reduce:
+        case Domain::islands:
             pool.each(frame.island_count, 16, loop);
-            break;
-        default:
-            pool.each(frame.contact_groups + frame.joint_groups + frame.raw_groups, 4, loop);
             break;
         }
         *clock_of(stage) += seconds_since(start);
@@ -69,48 +58,19 @@ template <class S> struct CpuExecutor {
             return &statistics.time_position;
         case Stage::inertia:
         case Stage::forces:
+        case Stage::energy_before:
+        case Stage::energy_after:
         case Stage::integrate:
             return &statistics.time_integrate;
         default:
             return &statistics.time_finish;
         }
     }
-
-    bool traced() {
-        if (params.residual_trace && frame.phase != Phase::restitution) {
-            double sum = 0;
-            for (std::uint32_t i = 0; i < frame.island_count; ++i)
-                sum += static_cast<double>(frame.control[i].residual);
-            trace.push_back(std::sqrt(sum));
-        }
-        return (frame.tolerance > 0 || frame.phase == Phase::restitution) && idle();
-    }
-    bool idle() const {
+    bool rests() const {
         for (std::uint32_t i = 0; i < frame.island_count; ++i)
             if (frame.control[i].active > 0)
                 return false;
         return true;
-    }
-
-    double kinetic_energy() {
-        const Clock::time_point start = Clock::now();
-        energy.resize(frame.movable_count);
-        pool.each(frame.movable_count, 64, [&](std::uint32_t begin, std::uint32_t end) {
-            for (std::uint32_t i = begin; i < end; ++i)
-                energy[i] = scene.kinetic_energy(frame.moving[i]);
-        });
-        double sum = 0;
-        for (const double e : energy)
-            sum += e;
-        statistics.time_integrate += seconds_since(start);
-        return sum;
-    }
-    void before_sweeps() { statistics.kinetic_energy_change -= kinetic_energy(); }
-    void after_sweeps() { statistics.kinetic_energy_change += kinetic_energy(); }
-    void substeps_done() {
-        const Clock::time_point start = Clock::now();
-        scene.remember(input, next_cache);
-        statistics.time_finish += seconds_since(start);
     }
 };
 
@@ -124,27 +84,21 @@ template <class S> class SolverOf final : public Solver {
     void step(const Input& input, const Output& output) override {
         const Clock::time_point start = Clock::now();
         Statistics now;
-        std::vector<double> trace;
         scene_.pack(input, params, cache_);
         Frame<S>& f = scene_.frame;
         now.time_pack = seconds_since(start);
 
-        Plan plan{};
-        plan.substeps = params.substeps;
-        plan.iterations = params.iterations;
-        plan.position_iterations = row_of(params.method).position_sweeps ? params.position_iterations : 0;
-        plan.relax_share = params.relax_share;
-        plan.constrained = f.contact_groups + f.joint_groups + f.raw_groups > 0;
-        plan.bounces = scene_.bounces && plan.constrained;
-        plan.restitution_iterations =
-            params.restitution_iterations == kSameAsSweeps ? params.iterations / params.substeps : params.restitution_iterations;
-        CpuExecutor<S> run{f, scene_, pool_, stage_entry_, params, input, now, trace, energy_, next_cache_};
+        const bool constrained = f.contact_groups + f.joint_groups + f.raw_groups > 0;
+        const Plan plan = plan_of(params, constrained, scene_.bounces);
         const bool counted = f.reduces; // by islands; else every one sweeps every time
-        const Done done = run_schedule(run, plan);
+        CpuExecutor<S> run{f, pool_, stage_entry_, now};
+        run_schedule(run, plan);
         if (const std::string bad = scene_.not_finite(); !bad.empty())
             throw NotFinite(bad);
 
         const Clock::time_point finish = Clock::now();
+        scene_.remember(input, next_cache_);
+        trace_sweeps(plan, f.trace, f.island_count, next_trace_);
         scene_.write(input, output);
         std::swap(cache_, next_cache_);
         now.bodies = f.movable_count;
@@ -154,28 +108,20 @@ template <class S> class SolverOf final : public Solver {
         now.rows = scene_.rows;
         now.islands = f.island_count;
         now.substeps = plan.substeps;
-        if (counted) {
-            for (std::uint32_t i = 0; i < f.island_count; ++i)
-                now.iterations = std::max(now.iterations, f.control[i].iterations);
-        } else if (plan.constrained) {
-            now.iterations = plan.iterations;
-        }
-        if (plan.constrained) {
-            now.position_iterations = plan.position_iterations * plan.substeps;
-        }
-        now.relax_iterations = done.relax;
-        now.restitution_iterations = done.restitution;
+        count_sweeps(plan, counted, f.control, f.island_count, now);
+        for (std::uint32_t i = 0; i < f.body_count; ++i)
+            now.kinetic_energy_change += f.energy_change[i];
         now.warm_started = scene_.warm_started;
         for (std::uint32_t i = 0; i < f.body_count; ++i)
             now.rotation_clamped += f.rotation_clamped[i];
         now.threads = pool_.threads();
         now.isa = isa_;
-        if (!trace.empty())
-            now.residual = trace.back();
+        if (!next_trace_.empty())
+            now.residual = next_trace_.back();
         now.time_finish += seconds_since(finish);
         now.time_total = seconds_since(start);
         statistics_ = now;
-        trace_ = std::move(trace);
+        trace_.swap(next_trace_);
         split_counts_.swap(scene_.split_counts); // no allocation once results are written
     }
 
@@ -194,7 +140,7 @@ template <class S> class SolverOf final : public Solver {
     Scene<S> scene_;
     WarmStartCache cache_, next_cache_;
     Statistics statistics_;
-    std::vector<double> trace_, energy_;
+    std::vector<double> trace_, next_trace_;
     std::vector<std::uint32_t> split_counts_;
 };
 

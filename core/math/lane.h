@@ -10,6 +10,8 @@
 #define CAIRN_REAL float
 #endif
 
+#include "../portable.h"
+
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -25,14 +27,14 @@ inline namespace CAIRN_ISA {
 using Real = CAIRN_REAL; // what memory holds
 constexpr std::uint32_t kLanes = CAIRN_LANES;
 
-inline float select(bool m, float a, float b) { return m ? a : b; }
-inline double select(bool m, double a, double b) { return m ? a : b; }
-inline float root(float a) { return std::sqrt(a); }
-inline double root(double a) { return std::sqrt(a); }
-inline void load(float& a, const float* from) { a = *from; }
-inline void load(double& a, const double* from) { a = *from; }
-inline void store(float a, float* to) { *to = a; }
-inline void store(double a, double* to) { *to = a; }
+CAIRN_HD inline float select(bool m, float a, float b) { return m ? a : b; }
+CAIRN_HD inline double select(bool m, double a, double b) { return m ? a : b; }
+CAIRN_HD inline float root(float a) { return std::sqrt(a); }
+CAIRN_HD inline double root(double a) { return std::sqrt(a); }
+CAIRN_HD inline void load(float& a, const float* from) { a = *from; }
+CAIRN_HD inline void load(double& a, const double* from) { a = *from; }
+CAIRN_HD inline void store(float a, float* to) { *to = a; }
+CAIRN_HD inline void store(double a, double* to) { *to = a; }
 
 #if CAIRN_LANES > 1
 using Lane = std::experimental::simd<Real, std::experimental::simd_abi::deduce_t<Real, CAIRN_LANES>>;
@@ -50,23 +52,23 @@ using Lane = Real;
 #endif
 
 // A constant as a lane: rounded once, from double.
-template <class F> F of(double value) {
+template <class F> CAIRN_HD F of(double value) {
     if constexpr (std::is_floating_point_v<F>)
         return static_cast<F>(value);
     else
         return F(static_cast<Real>(value));
 }
-template <class F> F load_as(const Real* from) {
+template <class F> CAIRN_HD F load_as(const Real* from) {
     F a;
     load(a, from);
     return a;
 }
-template <class F> F minimum(F a, F b) { return select(a < b, a, b); }
-template <class F> F maximum(F a, F b) { return select(a < b, b, a); }
-template <class F> F clamp(F a, F low, F high) { return minimum(maximum(a, low), high); }
-template <class F> F absolute(F a) { return select(a < F(0), -a, a); }
+template <class F> CAIRN_HD F minimum(F a, F b) { return select(a < b, a, b); }
+template <class F> CAIRN_HD F maximum(F a, F b) { return select(a < b, b, a); }
+template <class F> CAIRN_HD F clamp(F a, F low, F high) { return minimum(maximum(a, low), high); }
+template <class F> CAIRN_HD F absolute(F a) { return select(a < F(0), -a, a); }
 // 1/a, and 0 where a is not above `floor` (padding lanes, bodies that cannot move)
-template <class F> F inverse_or_zero(F a, F floor = F(0)) {
+template <class F> CAIRN_HD F inverse_or_zero(F a, F floor = F(0)) {
     const auto usable = a > floor;
     return select(usable, F(1) / select(usable, a, F(1)), F(0));
 }

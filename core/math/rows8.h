@@ -93,7 +93,7 @@ inline void scatter_half(const Lane* columns, float* base, const std::int32_t* i
 #endif
 
 // columns[c] lane i = base[8 * index[i] + c]
-inline void gather_rows(const Real* base, const std::int32_t* index, Lane (&columns)[8]) {
+CAIRN_HD inline void gather_rows(const Real* base, const std::int32_t* index, Lane (&columns)[8]) {
 #if CAIRN_LANES > 1
     gather_half(base, index, columns);
     gather_half(base + 4, index, columns + 4);
@@ -103,7 +103,7 @@ inline void gather_rows(const Real* base, const std::int32_t* index, Lane (&colu
 #endif
 }
 // base[8 * index[i] + c] = columns[c] lane i
-inline void scatter_rows(const Lane (&columns)[8], Real* base, const std::int32_t* index) {
+CAIRN_HD inline void scatter_rows(const Lane (&columns)[8], Real* base, const std::int32_t* index) {
 #if CAIRN_LANES > 1
     scatter_half(columns, base, index);
     scatter_half(columns + 4, base + 4, index);

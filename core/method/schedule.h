@@ -1,8 +1,11 @@
 // The methods as one schedule over shared stages (paper section 3.6, Figure 2). An executor says how a stage is run: over SIMD
-// lanes and threads, in one CUDA block, in a cooperative grid or as a graph of kernels. It has `frame`, each(stage);
-// traced(), called after every reduction: true if no island has anything left to do; idle(), the same at any time; and before_sweeps(),
-// after_sweeps() and substeps_done() to look on: energies, the warm-start cache.
+// lanes and threads, in one CUDA block, in a cooperative grid or as a graph of kernels. It has
+//   frame          what the stages see; the schedule moves its phase, sweep and buffer along
+//   each(stage)    runs the stage for every index, then a barrier
+//   rests()        true if it is certain that no island has anything left to do; may always be false: islands that rest keep
+//                  every bit, so that stopping early saves time and changes nothing
 #pragma once
+#include "../portable.h"
 #include "../scene/frame.h"
 #include "params.h"
 
@@ -13,25 +16,37 @@ struct Plan {
     double relax_share;
     bool bounces;     // some contact has restitution
     bool constrained; // there is anything to sweep
+    bool stops;       // islands may come to rest before the last sweep
 
     // Sweeps of a substep: the iterations shared out evenly, the earlier ones taking what is left over.
-    std::uint32_t sweeps(std::uint32_t substep) const { return iterations / substeps + (substep < iterations % substeps ? 1 : 0); }
+    CAIRN_HD std::uint32_t sweeps(std::uint32_t substep) const { return iterations / substeps + (substep < iterations % substeps ? 1 : 0); }
     // How many of them go without bias, after the integration; at least one does not. (1e-9: a third of 30 is 10.)
-    std::uint32_t relaxed(std::uint32_t substep) const {
+    CAIRN_HD std::uint32_t relaxed(std::uint32_t substep) const {
         const std::uint32_t all = sweeps(substep), share = static_cast<std::uint32_t>(all * relax_share + 1e-9);
         return share < all ? share : all - 1;
     }
 };
 
-// Returns how many sweeps were made.
-template <class Executor> std::uint32_t solve_velocities(Executor& run, Phase phase, std::uint32_t sweeps) {
+inline Plan plan_of(const Params& params, bool constrained, bool bounces) {
+    Plan plan{};
+    plan.substeps = params.substeps;
+    plan.iterations = params.iterations;
+    plan.position_iterations = row_of(params.method).position_sweeps ? params.position_iterations : 0;
+    plan.restitution_iterations =
+        params.restitution_iterations == kSameAsSweeps ? params.iterations / params.substeps : params.restitution_iterations;
+    plan.relax_share = params.relax_share;
+    plan.constrained = constrained;
+    plan.bounces = constrained && bounces;
+    plan.stops = params.residual_tolerance > 0;
+    return plan;
+}
+
+template <class Executor> CAIRN_HD void solve_velocities(Executor& run, Phase phase, std::uint32_t sweeps, bool stops) {
     auto& f = run.frame;
     f.phase = phase;
-    if (phase == Phase::restitution)
-        f.reduces = true; // islands in which nothing bounces rest
     run.each(Stage::begin);
-    if (phase == Phase::restitution && run.idle())
-        return 0;
+    if (stops && run.rests())
+        return;
     run.each(Stage::build);
     run.each(Stage::apply_start);
     for (std::uint32_t i = 0; i < sweeps; ++i) {
@@ -41,52 +56,50 @@ template <class Executor> std::uint32_t solve_velocities(Executor& run, Phase ph
             run.each(Stage::reduce);
         run.each(Stage::apply);
         f.current ^= 1u;
-        if (f.reduces && run.traced())
-            return i + 1;
+        ++f.sweep;
+        if (stops && run.rests()) {
+            f.sweep += sweeps - (i + 1);
+            return;
+        }
     }
-    return sweeps;
 }
 
-template <class Executor> void solve_positions(Executor& run, std::uint32_t sweeps) {
+template <class Executor> CAIRN_HD void solve_positions(Executor& run, std::uint32_t sweeps) {
     for (std::uint32_t i = 0; i < sweeps; ++i) {
         run.each(Stage::position_sweep);
         run.each(Stage::position_apply);
     }
 }
 
-// Sweeps that were made beside the biased ones.
-struct Done {
-    std::uint32_t relax = 0, restitution = 0;
-};
-
-template <class Executor> Done run_schedule(Executor& run, const Plan& plan) {
-    Done done;
+template <class Executor> CAIRN_HD void run_schedule(Executor& run, const Plan& plan) {
     run.each(Stage::inertia);
     if (plan.bounces) {
         run.each(Stage::approach);
         run.each(Stage::bouncing);
     }
     for (std::uint32_t substep = 0; substep < plan.substeps; ++substep) {
+        const std::uint32_t relaxed = plan.relaxed(substep);
         run.each(Stage::forces);
-        run.before_sweeps();
-        if (plan.constrained)
-            solve_velocities(run, Phase::substep, plan.sweeps(substep) - plan.relaxed(substep));
-        run.after_sweeps();
+        if (plan.constrained) {
+            run.each(Stage::energy_before);
+            solve_velocities(run, Phase::substep, plan.sweeps(substep) - relaxed, plan.stops);
+            run.each(Stage::energy_after);
+        }
         run.each(Stage::integrate);
         if (!plan.constrained)
             continue;
         solve_positions(run, plan.position_iterations);
-        if (plan.relaxed(substep) > 0)
-            done.relax += solve_velocities(run, Phase::relax, plan.relaxed(substep));
+        if (relaxed > 0)
+            solve_velocities(run, Phase::relax, relaxed, plan.stops);
         run.each(Stage::accumulate);
     }
-    run.substeps_done();
+    if (plan.constrained)
+        run.each(Stage::keep);
     if (plan.bounces) {
-        done.restitution = solve_velocities(run, Phase::restitution, plan.restitution_iterations);
-        if (done.restitution > 0)
-            run.each(Stage::accumulate);
+        run.frame.reduces = true; // islands in which nothing bounces rest
+        solve_velocities(run, Phase::restitution, plan.restitution_iterations, true);
+        run.each(Stage::accumulate);
     }
-    return done;
 }
 
 } // namespace cairn

@@ -17,7 +17,7 @@ namespace cairn {
 inline namespace CAIRN_ISA {
 
 // Separation of a point at the bodies' present poses.
-inline Lane separation_of(const Real* cold, const Vec3<Lane>& n, const Pose<Lane>& pa, const Pose<Lane>& pb) {
+CAIRN_HD inline Lane separation_of(const Real* cold, const Vec3<Lane>& n, const Pose<Lane>& pa, const Pose<Lane>& pb) {
     const Vec3<Lane> anchor_a = turned_by(pa.turn, load3(cold + kAnchorA * kGroup)) * load_as<Lane>(cold + kTurnsA * kGroup);
     const Vec3<Lane> anchor_b = turned_by(pb.turn, load3(cold + kAnchorB * kGroup)) * load_as<Lane>(cold + kTurnsB * kGroup);
     return load_as<Lane>(cold + kSeparation * kGroup) + dot(n, (pb.shift - pa.shift) + (anchor_b - anchor_a));
@@ -26,16 +26,16 @@ inline Lane separation_of(const Real* cold, const Vec3<Lane>& n, const Pose<Lane
 struct PointGeometry {
     Vec3<Lane> n, t1, t2, a, b;
 };
-inline PointGeometry load_point(const Real* hot) {
+CAIRN_HD inline PointGeometry load_point(const Real* hot) {
     return {load3(hot + kNormal * kGroup), load3(hot + kTangent1 * kGroup), load3(hot + kTangent2 * kGroup), load3(hot + kArmA * kGroup),
             load3(hot + kArmB * kGroup)};
 }
-inline Vec3<Lane> slip(const PointGeometry& p, const Motion<Lane>& a, const Motion<Lane>& b) {
+CAIRN_HD inline Vec3<Lane> slip(const PointGeometry& p, const Motion<Lane>& a, const Motion<Lane>& b) {
     return (b.linear + cross(b.angular, p.b)) - (a.linear + cross(a.angular, p.a));
 }
 
 // Approach speeds before external forces, where the point is to bounce: e (n . u), negative; else 0.
-inline void approach_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+CAIRN_HD inline void approach_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Motion<Lane> va = gather_motion(f.velocity, f.lane_a + lane), vb = gather_motion(f.velocity, f.lane_b + lane);
     Lane bounces = Lane(Real(0));
     for (std::uint32_t p = 0; p < g.count; ++p) {
@@ -51,8 +51,15 @@ inline void approach_contacts(const Frame<Real>& f, const Group& g, std::size_t 
     store_partials(f, lane, Lane(Real(0)), bounces);
 }
 
+CAIRN_HD inline void add_to_totals(const Frame<Real>& f, const Lane& takes_part, const Vec3<Lane>& change, Real* total) {
+    const Vec3<Lane> t = load3(total);
+    store3({add_to_total(f, takes_part, t.x, change.x), add_to_total(f, takes_part, t.y, change.y),
+            add_to_total(f, takes_part, t.z, change.z)},
+           total);
+}
+
 // Rows of the substep: D, bias, gamma; and the impulse that the sweeps start from.
-inline void build_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+CAIRN_HD inline void build_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Lane zero = Lane(Real(0)), h = Lane(f.h);
     const Pose<Lane> pa = gather_pose(f.displacement, f.lane_a + lane), pb = gather_pose(f.displacement, f.lane_b + lane);
     const Mass<Lane> ma = gather_mass(f, f.lane_a + lane), mb = gather_mass(f, f.lane_b + lane);
@@ -61,6 +68,7 @@ inline void build_contacts(const Frame<Real>& f, const Group& g, std::size_t lan
     const Lane rate = f.soft ? soft_rate(omega, zeta, h) : baumgarte_rate(Lane(f.contact_baumgarte), h);
     const Lane compliance = soft_compliance(omega, zeta, h);
     const bool rigid = !f.soft || f.phase != Phase::substep;
+    const Lane takes_part = f.phase == Phase::restitution ? island_bounces(f, lane) : zero;
     Vec3<Lane> push{zero, zero, zero}, turn_a = push, turn_b = push;
     for (std::uint32_t p = 0; p < g.count; ++p) {
         Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
@@ -121,7 +129,7 @@ inline void build_contacts(const Frame<Real>& f, const Group& g, std::size_t lan
         store3(start, hot + kLambda * kGroup);
         store3(start, hot + (kLambda + 3) * kGroup);
         if (f.phase == Phase::restitution)
-            store3(load3(cold + kTotal * kGroup) - start, cold + kTotal * kGroup);
+            add_to_totals(f, takes_part, -start, cold + kTotal * kGroup);
         const Vec3<Lane> impulse = q.n * start.x + q.t1 * start.y + q.t2 * start.z;
         push = push + impulse;
         turn_a = turn_a + cross(q.a, impulse);
@@ -133,7 +141,8 @@ inline void build_contacts(const Frame<Real>& f, const Group& g, std::size_t lan
 
 // New friction impulse from the old one y and its residual w. The pyramid takes the second row after the first.
 template <bool kPyramid>
-void step_friction(const Real* hot, const Lane& bound, const Lane& y1, const Lane& y2, const Lane& w1, const Lane& w2, Lane& l1, Lane& l2) {
+CAIRN_HD void step_friction(const Real* hot, const Lane& bound, const Lane& y1, const Lane& y2, const Lane& w1, const Lane& w2, Lane& l1,
+                            Lane& l2) {
     l1 = y1 - w1 * load_as<Lane>(hot + kInverseT1 * kGroup);
     if constexpr (kPyramid) {
         l1 = clamp(l1, -bound, bound);
@@ -153,7 +162,7 @@ void step_friction(const Real* hot, const Lane& bound, const Lane& y1, const Lan
 // inner Gauss-Seidel sweep on local velocities that move with the split mass n M^-1 (with the whole mass it would oscillate);
 // D_tn carries the normal's change to the tangents in both.
 template <bool kManifold, bool kFrictional, bool kPyramid, bool kReduces>
-void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+CAIRN_HD void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Lane zero = Lane(Real(0));
     Motion<Lane> va = gather_motion(f.velocity, f.lane_a + lane), vb = gather_motion(f.velocity, f.lane_b + lane);
     const Lane beta = maximum(va.beta, vb.beta);
@@ -225,21 +234,22 @@ void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std:
         store_partials(f, lane, restart, residual);
 }
 
-template <bool kManifold, bool kReduces> void sweep_contacts_of(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+template <bool kManifold, bool kReduces>
+CAIRN_HD void sweep_contacts_of(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     if (!g.friction)
         return sweep_contacts<kManifold, false, false, kReduces>(f, g, lane, sub);
     if (f.pyramid)
         return sweep_contacts<kManifold, true, true, kReduces>(f, g, lane, sub);
     sweep_contacts<kManifold, true, false, kReduces>(f, g, lane, sub);
 }
-inline void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+CAIRN_HD inline void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     if (f.manifold_blocks)
         return f.reduces ? sweep_contacts_of<true, true>(f, g, lane, sub) : sweep_contacts_of<true, false>(f, g, lane, sub);
     f.reduces ? sweep_contacts_of<false, true>(f, g, lane, sub) : sweep_contacts_of<false, false>(f, g, lane, sub);
 }
 
 // Nonlinear Jacobi (paper eq. 23, 24): where C < 0, a displacement M^-1 J^T dlambda with dlambda = -C / D_nn.
-inline void position_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+CAIRN_HD inline void position_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Lane zero = Lane(Real(0));
     Pose<Lane> pa = gather_pose(f.displacement, f.lane_a + lane), pb = gather_pose(f.displacement, f.lane_b + lane);
     const Mass<Lane> ma = gather_mass(f, f.lane_a + lane), mb = gather_mass(f, f.lane_b + lane);
@@ -272,11 +282,21 @@ inline void position_contacts(const Frame<Real>& f, const Group& g, std::size_t 
 
 // Impulses of the step: + lambda after a substep. The restitution phase goes on from the last substep's lambda, which
 // build_contacts then takes out again.
-inline void accumulate_contacts(const Frame<Real>& f, const Group& g, std::uint32_t sub) {
+CAIRN_HD inline void accumulate_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+    const Lane takes_part = f.phase == Phase::restitution ? island_bounces(f, lane) : Lane(Real(0));
     for (std::uint32_t p = 0; p < g.count; ++p) {
         const Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
         Real* total = f.contact_cold + g.cold_offset + (p * kContactColdFields + kTotal) * kGroup + sub;
-        store3(load3(total) + load3(hot + (kLambda + 3 * f.current) * kGroup), total);
+        add_to_totals(f, takes_part, load3(hot + (kLambda + 3 * f.current) * kGroup), total);
+    }
+}
+
+// The last substep's impulses, for the next step's warm start.
+CAIRN_HD inline void keep_contacts(const Frame<Real>& f, const Group& g, std::uint32_t sub) {
+    for (std::uint32_t p = 0; p < g.count; ++p) {
+        const Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
+        Real* cold = f.contact_cold + g.cold_offset + p * kContactColdFields * kGroup + sub;
+        store3(load3(hot + (kLambda + 3 * f.current) * kGroup), cold + kKept * kGroup);
     }
 }
 

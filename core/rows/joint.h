@@ -22,9 +22,9 @@ struct JointGeometry {
     Lane error[6]; // coordinates of the six axes, m and rad
 };
 
-inline Lane component(const Quat<Lane>& q, int k) { return k == 0 ? q.x : k == 1 ? q.y : q.z; }
+CAIRN_HD inline Lane component(const Quat<Lane>& q, int k) { return k == 0 ? q.x : k == 1 ? q.y : q.z; }
 
-inline JointGeometry measure_joint(const Frame<Real>& f, const Group& g, std::size_t lane, const Real* cold) {
+CAIRN_HD inline JointGeometry measure_joint(const Frame<Real>& f, const Group& g, std::size_t lane, const Real* cold) {
     const Pose<Lane> pa = gather_pose(f.displacement, f.lane_a + lane), pb = gather_pose(f.displacement, f.lane_b + lane);
     const Vec3<Lane> start_a = load3(cold + kStartArmA * kGroup), start_b = load3(cold + kStartArmB * kGroup);
     const Vec3<Lane> moved_a = turned_by(pa.turn, start_a), moved_b = turned_by(pb.turn, start_b);
@@ -85,7 +85,7 @@ inline JointGeometry measure_joint(const Frame<Real>& f, const Group& g, std::si
 struct JointRows {
     Vec3<Lane> linear[6], turn_a[6], turn_b[6];
 };
-inline JointRows rows_of(const JointGeometry& j) {
+CAIRN_HD inline JointRows rows_of(const JointGeometry& j) {
     JointRows r;
     const Lane zero = Lane(Real(0));
     for (int i = 0; i < 3; ++i) {
@@ -105,7 +105,7 @@ constexpr int below(int i, int j) { return i * (i - 1) / 2 + j; }    // j < i
 struct JointBlock {
     Lane d[21], k[6], factor[15], pivot[6];
 };
-inline JointBlock block_of(const Frame<Real>& f, std::size_t lane, const JointRows& r, const Lane (&locked)[6], Real compliance) {
+CAIRN_HD inline JointBlock block_of(const Frame<Real>& f, std::size_t lane, const JointRows& r, const Lane (&locked)[6], Real compliance) {
     const Mass<Lane> ma = gather_mass(f, f.lane_a + lane), mb = gather_mass(f, f.lane_b + lane);
     JointBlock block;
     for (int j = 0; j < 6; ++j) {
@@ -138,7 +138,7 @@ inline JointBlock block_of(const Frame<Real>& f, std::size_t lane, const JointRo
     return block;
 }
 // x = -D_LL^-1 w
-inline void solve_block(const Lane* factor, const Lane* pivot, const Lane (&w)[6], Lane (&x)[6]) {
+CAIRN_HD inline void solve_block(const Lane* factor, const Lane* pivot, const Lane (&w)[6], Lane (&x)[6]) {
     for (int i = 0; i < 6; ++i) {
         x[i] = -w[i];
         for (int j = 0; j < i; ++j)
@@ -151,13 +151,13 @@ inline void solve_block(const Lane* factor, const Lane* pivot, const Lane (&w)[6
             x[i] = x[i] - factor[below(j, i)] * x[j];
 }
 
-inline void load_six(const Real* field, Lane (&six)[6]) {
+CAIRN_HD inline void load_six(const Real* field, Lane (&six)[6]) {
     for (std::uint32_t i = 0; i < 6; ++i)
         load(six[i], field + i * kGroup);
 }
 
 // Wrench of six impulses into the slots.
-inline void scatter_joint(const Frame<Real>& f, std::size_t lane, const JointRows& r, const Lane (&p)[6]) {
+CAIRN_HD inline void scatter_joint(const Frame<Real>& f, std::size_t lane, const JointRows& r, const Lane (&p)[6]) {
     const Vec3<Lane> push = r.linear[0] * p[0] + r.linear[1] * p[1] + r.linear[2] * p[2];
     const Lane zero = Lane(Real(0));
     Vec3<Lane> turn_a{zero, zero, zero}, turn_b = turn_a;
@@ -168,7 +168,7 @@ inline void scatter_joint(const Frame<Real>& f, std::size_t lane, const JointRow
     scatter_impulse(f, lane, -push, -turn_a, push, turn_b);
 }
 
-inline void build_joints(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+CAIRN_HD inline void build_joints(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     Real* hot = f.joint + g.offset + sub;
     Real* cold = f.joint_cold + g.cold_offset + sub;
     const JointGeometry j = measure_joint(f, g, lane, cold);
@@ -221,6 +221,7 @@ inline void build_joints(const Frame<Real>& f, const Group& g, std::size_t lane,
         for (std::uint32_t i = 0; i < 21; ++i)
             store(block.d[i], hot + (kBlock + i) * kGroup);
 
+    const Lane takes_part = f.phase == Phase::restitution ? island_bounces(f, lane) : zero;
     Lane impulse[6] = {zero, zero, zero, zero, zero, zero};
     for (std::uint32_t i = 0; i < 12; ++i) {
         const std::uint32_t axis = i % 6;
@@ -240,7 +241,7 @@ inline void build_joints(const Frame<Real>& f, const Group& g, std::size_t lane,
         store(start, hot + (kJointLambda + 12 + i) * kGroup);
         if (f.phase == Phase::restitution) {
             Real* total = cold + (kJointTotal + i) * kGroup;
-            store(load_as<Lane>(total) - start, total);
+            store(add_to_total(f, takes_part, load_as<Lane>(total), -start), total);
         }
         impulse[axis] = impulse[axis] + start;
     }
@@ -248,7 +249,8 @@ inline void build_joints(const Frame<Real>& f, const Group& g, std::size_t lane,
         scatter_joint(f, lane, rows, impulse);
 }
 
-template <bool kBounded, bool kReduces> void sweep_joints_of(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+template <bool kBounded, bool kReduces>
+CAIRN_HD void sweep_joints_of(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Lane zero = Lane(Real(0));
     Real* hot = f.joint + g.offset + sub;
     const Motion<Lane> va = gather_motion(f.velocity, f.lane_a + lane), vb = gather_motion(f.velocity, f.lane_b + lane);
@@ -332,14 +334,14 @@ template <bool kBounded, bool kReduces> void sweep_joints_of(const Frame<Real>& 
     if constexpr (kReduces)
         store_partials(f, lane, restart, residual);
 }
-inline void sweep_joints(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+CAIRN_HD inline void sweep_joints(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     if (g.bounded)
         return f.reduces ? sweep_joints_of<true, true>(f, g, lane, sub) : sweep_joints_of<true, false>(f, g, lane, sub);
     f.reduces ? sweep_joints_of<false, true>(f, g, lane, sub) : sweep_joints_of<false, false>(f, g, lane, sub);
 }
 
 // Nonlinear Jacobi on the locked axes and on limits that are passed.
-inline void position_joints(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+CAIRN_HD inline void position_joints(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Real* cold = f.joint_cold + g.cold_offset + sub;
     const JointGeometry j = measure_joint(f, g, lane, cold);
     const JointRows rows = rows_of(j);
@@ -365,11 +367,19 @@ inline void position_joints(const Frame<Real>& f, const Group& g, std::size_t la
     scatter_joint(f, lane, rows, step);
 }
 
-inline void accumulate_joints(const Frame<Real>& f, const Group& g, std::uint32_t sub) {
-    const Real* hot = f.joint + g.offset + sub;
+CAIRN_HD inline void accumulate_joints(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+    const Lane takes_part = f.phase == Phase::restitution ? island_bounces(f, lane) : Lane(Real(0));
+    const Real* lambda = f.joint + g.offset + (kJointLambda + 12 * f.current) * kGroup + sub;
     Real* total = f.joint_cold + g.cold_offset + kJointTotal * kGroup + sub;
     for (std::uint32_t i = 0; i < 12; ++i)
-        store(load_as<Lane>(total + i * kGroup) + load_as<Lane>(hot + (kJointLambda + 12 * f.current + i) * kGroup), total + i * kGroup);
+        store(add_to_total(f, takes_part, load_as<Lane>(total + i * kGroup), load_as<Lane>(lambda + i * kGroup)), total + i * kGroup);
+}
+
+CAIRN_HD inline void keep_joints(const Frame<Real>& f, const Group& g, std::uint32_t sub) {
+    const Real* lambda = f.joint + g.offset + (kJointLambda + 12 * f.current) * kGroup + sub;
+    Real* kept = f.joint_cold + g.cold_offset + kJointKept * kGroup + sub;
+    for (std::uint32_t i = 0; i < 12; ++i)
+        store(load_as<Lane>(lambda + i * kGroup), kept + i * kGroup);
 }
 
 } // namespace CAIRN_ISA

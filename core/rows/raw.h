@@ -9,11 +9,11 @@ inline namespace CAIRN_ISA {
 
 struct RawRow {
     Vec3<Lane> linear_a, angular_a, linear_b, angular_b;
-    Lane speed(const Motion<Lane>& a, const Motion<Lane>& b) const {
+    CAIRN_HD Lane speed(const Motion<Lane>& a, const Motion<Lane>& b) const {
         return (dot(linear_a, a.linear) + dot(angular_a, a.angular)) + (dot(linear_b, b.linear) + dot(angular_b, b.angular));
     }
 };
-inline RawRow load_raw(const Real* hot) {
+CAIRN_HD inline RawRow load_raw(const Real* hot) {
     return {load3(hot + kJacobianA * kGroup), load3(hot + (kJacobianA + 3) * kGroup), load3(hot + kJacobianB * kGroup),
             load3(hot + (kJacobianB + 3) * kGroup)};
 }
@@ -21,25 +21,26 @@ inline RawRow load_raw(const Real* hot) {
 // Impulses of a block's rows, collected on both bodies
 struct RawWrench {
     Vec3<Lane> push_a, turn_a, push_b, turn_b;
-    void add(const RawRow& r, const Lane& p) {
+    CAIRN_HD void add(const RawRow& r, const Lane& p) {
         push_a = push_a + r.linear_a * p;
         turn_a = turn_a + r.angular_a * p;
         push_b = push_b + r.linear_b * p;
         turn_b = turn_b + r.angular_b * p;
     }
 };
-inline RawWrench no_wrench() {
+CAIRN_HD inline RawWrench no_wrench() {
     const Lane zero = Lane(Real(0));
     const Vec3<Lane> none{zero, zero, zero};
     return {none, none, none, none};
 }
-inline void scatter_raw(const Frame<Real>& f, std::size_t lane, const RawWrench& w) {
+CAIRN_HD inline void scatter_raw(const Frame<Real>& f, std::size_t lane, const RawWrench& w) {
     scatter_impulse(f, lane, w.push_a, w.turn_a, w.push_b, w.turn_b);
 }
 
-inline void build_raw(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+CAIRN_HD inline void build_raw(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Mass<Lane> ma = gather_mass(f, f.lane_a + lane), mb = gather_mass(f, f.lane_b + lane);
     const Lane zero = Lane(Real(0));
+    const Lane takes_part = f.phase == Phase::restitution ? island_bounces(f, lane) : zero;
     RawWrench wrench = no_wrench();
     Lane diagonal[kRawRows];
     for (std::uint32_t r = 0; r < g.count; ++r) {
@@ -72,7 +73,7 @@ inline void build_raw(const Frame<Real>& f, const Group& g, std::size_t lane, st
         if (f.phase == Phase::substep)
             start = start * Lane(f.warm ? f.joint_warm : Real(0));
         if (f.phase == Phase::restitution)
-            store(load_as<Lane>(hot + kRawTotal * kGroup) - start, hot + kRawTotal * kGroup);
+            store(add_to_total(f, takes_part, load_as<Lane>(hot + kRawTotal * kGroup), -start), hot + kRawTotal * kGroup);
         store(start, hot + kRawLambda * kGroup);
         store(start, hot + (kRawLambda + 1) * kGroup);
         wrench.add(row, start);
@@ -81,7 +82,7 @@ inline void build_raw(const Frame<Real>& f, const Group& g, std::size_t lane, st
         scatter_raw(f, lane, wrench);
 }
 
-template <bool kReduces> void sweep_raw_of(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+template <bool kReduces> CAIRN_HD void sweep_raw_of(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Lane zero = Lane(Real(0)), one = Lane(Real(1));
     Motion<Lane> va = gather_motion(f.velocity, f.lane_a + lane), vb = gather_motion(f.velocity, f.lane_b + lane);
     const Mass<Lane> ma = gather_mass(f, f.lane_a + lane), mb = gather_mass(f, f.lane_b + lane);
@@ -147,14 +148,23 @@ template <bool kReduces> void sweep_raw_of(const Frame<Real>& f, const Group& g,
     if constexpr (kReduces)
         store_partials(f, lane, restart, residual);
 }
-inline void sweep_raw(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+CAIRN_HD inline void sweep_raw(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     f.reduces ? sweep_raw_of<true>(f, g, lane, sub) : sweep_raw_of<false>(f, g, lane, sub);
 }
 
-inline void accumulate_raw(const Frame<Real>& f, const Group& g, std::uint32_t sub) {
+CAIRN_HD inline void accumulate_raw(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+    const Lane takes_part = f.phase == Phase::restitution ? island_bounces(f, lane) : Lane(Real(0));
     for (std::uint32_t r = 0; r < g.count; ++r) {
         Real* hot = f.raw + g.offset + r * kRawFields * kGroup + sub;
-        store(load_as<Lane>(hot + kRawTotal * kGroup) + load_as<Lane>(hot + (kRawLambda + f.current) * kGroup), hot + kRawTotal * kGroup);
+        const Lane lambda = load_as<Lane>(hot + (kRawLambda + f.current) * kGroup);
+        store(add_to_total(f, takes_part, load_as<Lane>(hot + kRawTotal * kGroup), lambda), hot + kRawTotal * kGroup);
+    }
+}
+
+CAIRN_HD inline void keep_raw(const Frame<Real>& f, const Group& g, std::uint32_t sub) {
+    for (std::uint32_t r = 0; r < g.count; ++r) {
+        Real* hot = f.raw + g.offset + r * kRawFields * kGroup + sub;
+        store(load_as<Lane>(hot + (kRawLambda + f.current) * kGroup), hot + kRawKept * kGroup);
     }
 }
 

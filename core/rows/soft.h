@@ -11,10 +11,10 @@
 namespace cairn {
 inline namespace CAIRN_ISA {
 
-template <class F> F baumgarte_rate(F beta, F h) { return beta / h; }
-template <class F> F soft_rate(F omega, F zeta, F h) { return omega / (F(2) * zeta + h * omega); }
+template <class F> CAIRN_HD F baumgarte_rate(F beta, F h) { return beta / h; }
+template <class F> CAIRN_HD F soft_rate(F omega, F zeta, F h) { return omega / (F(2) * zeta + h * omega); }
 // times K
-template <class F> F soft_compliance(F omega, F zeta, F h) { return F(1) / (h * omega * (F(2) * zeta + h * omega)); }
+template <class F> CAIRN_HD F soft_compliance(F omega, F zeta, F h) { return F(1) / (h * omega * (F(2) * zeta + h * omega)); }
 
 } // namespace CAIRN_ISA
 } // namespace cairn

@@ -1,5 +1,6 @@
 // From tables to blocks: what is solved together, who shares a body (n of paper eq. 19), islands, lanes and slots.
 #include "islands.h"
+#include "pack.h"
 #include "scene.h"
 
 namespace cairn {
@@ -7,49 +8,13 @@ namespace cairn {
 namespace {
 
 bool rubs(const Input& input, const Block& block, const Params& params) {
-    if (params.friction_model == Friction::none || !input.contacts.friction.present())
-        return false;
     for (std::uint32_t p = 0; p < block.count; ++p)
-        if (input.contacts.friction.real(block.first + p) > 0)
-            return true;
-    return false;
-}
-
-// By the axes as they were given: one whose limits leave no room is locked, but at an angle that its own coordinate measures.
-Rotation rotation_of(const Input& input, std::size_t joint) {
-    int locked = 0, loose = 0;
-    bool used = false;
-    for (int i = 0; i < 3; ++i) {
-        const std::int64_t flags = input.joints.axes.integer(joint, static_cast<std::size_t>(3 + i));
-        used = used || flags != 0;
-        if (flags == 1)
-            ++locked;
-        else
-            loose = i;
-    }
-    if (!used)
-        return Rotation::none;
-    if (locked == 3)
-        return Rotation::locked;
-    if (locked == 2)
-        return loose == 0 ? Rotation::about_x : loose == 1 ? Rotation::about_y : Rotation::about_z;
-    return Rotation::cardan;
-}
-
-bool bounded(const Input& input, std::size_t joint) {
-    for (std::size_t i = 0; i < 6; ++i)
-        if (axis_flags(input, joint, i) > 1u)
+        if (contact_rubs(input.contacts, block.first + p, params.friction_model))
             return true;
     return false;
 }
 
 } // namespace
-
-std::uint32_t axis_flags(const Input& input, std::size_t joint, std::size_t axis) {
-    const std::uint32_t flags = static_cast<std::uint32_t>(input.joints.axes.integer(joint, axis));
-    const bool pinned = (flags & 2u) && input.joints.lower.real(joint, axis) == input.joints.upper.real(joint, axis);
-    return pinned ? 1u : flags;
-}
 
 template <class S> void Scene<S>::find_blocks(const Input& input, const Params& params) {
     const auto add = [](std::vector<Block>& blocks, std::int32_t a, std::int32_t b, std::uint32_t i, std::uint32_t most) {
@@ -81,10 +46,7 @@ template <class S> void Scene<S>::find_blocks(const Input& input, const Params& 
             continue;
         joint_blocks_.push_back({a, b, i, 1, 0, 0});
         ++joints;
-        for (std::size_t axis = 0; axis < 6; ++axis) {
-            const std::uint32_t flags = axis_flags(input, i, axis);
-            rows += (flags & 3u ? 1u : 0u) + (flags & 4u ? 1u : 0u);
-        }
+        rows += joint_rows(input.joints, i);
     }
     std::int64_t last_block = 0;
     for (std::uint32_t i = 0; i < input.rows.count; ++i) {
@@ -177,30 +139,16 @@ template <class S> void Scene<S>::lay_out(const Input& input, const Params& para
             block.lane = lanes - kGroup + in_group++;
         }
     };
-    for (std::uint32_t count = kPoints; count > 0; --count)
-        for (const bool friction : {true, false}) {
-            Group shape;
-            shape.count = count;
-            shape.friction = friction;
-            fill(contact_blocks_, contact_groups_, kContactFields, kContactColdFields, shape,
-                 [&](const Block& block) { return block.count == count && rubs(input, block, params) == friction; });
-        }
-    for (const Rotation rotation :
-         {Rotation::none, Rotation::locked, Rotation::about_x, Rotation::about_y, Rotation::about_z, Rotation::cardan})
-        for (const bool with_bounds : {true, false}) {
-            Group shape;
-            shape.count = 1;
-            shape.rotation = rotation;
-            shape.bounded = with_bounds;
-            fill(joint_blocks_, joint_groups_, kJointFields, kJointColdFields, shape, [&](const Block& block) {
-                return rotation_of(input, block.first) == rotation && bounded(input, block.first) == with_bounds;
-            });
-        }
-    for (std::uint32_t count = kRawRows; count > 0; --count) {
-        Group shape;
-        shape.count = count;
-        fill(raw_blocks_, raw_groups_, kRawFields, 0, shape, [&](const Block& block) { return block.count == count; });
-    }
+    for (std::uint32_t shape = 0; shape < kContactShapes; ++shape)
+        fill(contact_blocks_, contact_groups_, kContactFields, kContactColdFields, contact_group_of(shape),
+             [&](const Block& block) { return contact_shape(block.count, rubs(input, block, params)) == shape; });
+    for (std::uint32_t shape = 0; shape < kJointShapes; ++shape)
+        fill(joint_blocks_, joint_groups_, kJointFields, kJointColdFields, joint_group_of(shape), [&](const Block& block) {
+            return joint_shape(joint_rotation(input.joints, block.first), joint_bounded(input.joints, block.first)) == shape;
+        });
+    for (std::uint32_t shape = 0; shape < kRawShapes; ++shape)
+        fill(raw_blocks_, raw_groups_, kRawFields, 0, raw_group_of(shape),
+             [&](const Block& block) { return raw_shape(block.count) == shape; });
     frame.contact_groups = static_cast<std::uint32_t>(contact_groups_.size());
     frame.joint_groups = static_cast<std::uint32_t>(joint_groups_.size());
     frame.raw_groups = static_cast<std::uint32_t>(raw_groups_.size());
@@ -215,6 +163,7 @@ template <class S> void Scene<S>::assign_slots() {
     slot_a_.resize_filled(lanes, -1);
     slot_b_.resize_filled(lanes, -1);
     lane_partial_.resize(lanes);
+    lane_island_.resize_filled(lanes, 0);
     slot_begin_.resize_filled(bodies + std::size_t{1}, 0);
     const auto every_block = [&](const auto& visit) {
         for (const std::vector<Block>* blocks : {&contact_blocks_, &joint_blocks_, &raw_blocks_})
@@ -244,6 +193,7 @@ template <class S> void Scene<S>::assign_slots() {
             slot_b_[lane] = static_cast<std::int32_t>(scratch_[static_cast<std::size_t>(block.b)]++);
         lane_static_[lane] = movable(block.a) && movable(block.b) ? S(0) : S(1);
         lane_partial_[lane] = next_partial[block.island]++;
+        lane_island_[lane] = block.island;
     });
     std::uint32_t slots = slot_begin_[bodies], partials = island_begin_[frame.island_count];
     for (std::uint32_t lane = 0; lane < lanes; ++lane) {

@@ -9,6 +9,8 @@
 // blocks of one shape (manifolds of as many points, joints of one kind), so that no lane idles. A block writes the impulse
 // it gives to each of its two bodies into a slot of its own; the slots of a body are adjacent, in the order of the input.
 #pragma once
+#include "../portable.h"
+
 #include <cstddef>
 #include <cstdint>
 
@@ -52,8 +54,9 @@ enum ContactColdField : std::uint32_t {
     kTurnsB, // kTurns: 0 where the side is round
     kRestitution,
     kApproach,
-    kTotal,
-    kContactColdFields = kTotal + 3,
+    kTotal,             // of the step
+    kKept = kTotal + 3, // of the last substep
+    kContactColdFields = kKept + 3,
 };
 
 // Joints: axes 0-2 translate, 3-5 rotate.
@@ -90,7 +93,8 @@ enum JointColdField : std::uint32_t {
     kSpeed = 47,
     kForce = 53,
     kJointTotal = 59,
-    kJointColdFields = kJointTotal + 12,
+    kJointKept = kJointTotal + 12,
+    kJointColdFields = kJointKept + 12,
 };
 // How a group of joints measures rotation.
 enum class Rotation : std::uint32_t { none, locked, about_x, about_y, about_z, cardan };
@@ -111,8 +115,12 @@ enum RawField : std::uint32_t {
     kPairSecond, // two friction rows with one source share a disc
     kRawLambda,
     kRawTotal = kRawLambda + 2,
+    kRawKept,
     kRawFields,
 };
+
+// Lanes side by side are of one shape; shapes in the order in which they are laid out.
+constexpr std::uint32_t kContactShapes = 2 * kPoints, kJointShapes = 12, kRawShapes = kRawRows;
 
 struct Group {
     std::size_t offset = 0; // of its first field in the kind's array, in numbers
@@ -122,6 +130,30 @@ struct Group {
     bool friction = false; // contacts: some lane has friction
     bool bounded = false;  // joints: some lane has a limited or driven axis
 };
+
+CAIRN_HD inline std::uint32_t contact_shape(std::uint32_t count, bool friction) { return 2 * (kPoints - count) + (friction ? 0u : 1u); }
+CAIRN_HD inline Group contact_group_of(std::uint32_t shape) {
+    Group g;
+    g.count = kPoints - shape / 2;
+    g.friction = shape % 2 == 0;
+    return g;
+}
+CAIRN_HD inline std::uint32_t joint_shape(Rotation rotation, bool bounded) {
+    return 2 * static_cast<std::uint32_t>(rotation) + (bounded ? 0u : 1u);
+}
+CAIRN_HD inline Group joint_group_of(std::uint32_t shape) {
+    Group g;
+    g.count = 1;
+    g.rotation = static_cast<Rotation>(shape / 2);
+    g.bounded = shape % 2 == 0;
+    return g;
+}
+CAIRN_HD inline std::uint32_t raw_shape(std::uint32_t count) { return kRawRows - count; }
+CAIRN_HD inline Group raw_group_of(std::uint32_t shape) {
+    Group g;
+    g.count = kRawRows - shape;
+    return g;
+}
 
 // What never changes in a step, a body. Only stages that visit each body once a substep read it.
 template <class S> struct BodyConstants {
@@ -137,7 +169,7 @@ template <class S> struct BodyConstants {
 // One island's state of the iteration.
 template <class S> struct Control {
     S t, beta, active, residual; // Nesterov's t and momentum; 1 or 0; squared residual of the last sweep
-    std::uint32_t iterations;
+    std::uint32_t sweeps[3];     // made in each phase, over all substeps; counted only where the sweeps are reduced
 };
 
 template <class S> struct Frame {
@@ -152,23 +184,29 @@ template <class S> struct Frame {
     const std::uint32_t* slot_begin; // [body_count + 1]
     S* slots;
     std::uint32_t* rotation_clamped; // per body
+    double* energy_change;           // per body: of its kinetic energy, over the sweeps of all substeps
     // constraints: per group
     const Group *contact_group, *joint_group, *raw_group;
     S *contact, *contact_cold, *joint, *joint_cold, *raw;
     // per lane, contacts first, then joints, then raw blocks
     const std::int32_t *lane_a, *lane_b, *slot_a, *slot_b;
     const std::uint32_t* lane_partial; // where the lane's share of its island's sums goes
-    const S* lane_static;              // 1: one side cannot move
+    const std::uint32_t* lane_island;
+    const S* lane_static; // 1: one side cannot move
     S *partial_restart, *partial_residual;
     // islands
     const std::uint32_t* island_begin; // [island_count + 1], into the partial sums
     std::uint8_t* island_bounces;
     Control<S>* control;
-    // the substep
-    S h, dt;
+    S* trace; // [sweep of the step][island] squared residuals, -1 where an island rested; null: not wanted
+    // where the schedule is
     std::uint32_t current; // lambda's buffer that holds x; the other holds the x before
+    std::uint32_t sweep;   // of the step, restitution apart
     Phase phase;
-    bool warm, momentum, reduces, last_sweep, manifold_blocks, pyramid;
+    bool reduces, last_sweep; // reduces: islands have control records
+    // the step
+    S h, dt;
+    bool warm, momentum, manifold_blocks, pyramid;
     // parameters
     bool soft, unbiased; // the method's bias: soft, none, or else Baumgarte
     S contact_warm, joint_warm, contact_baumgarte, joint_baumgarte, contact_omega, contact_omega_static, contact_zeta;
@@ -181,6 +219,8 @@ enum class Stage : std::uint32_t {
     bouncing,       // islands: does any contact bounce
     inertia,        // bodies: of the pose at the step's start
     forces,         // bodies: external forces
+    energy_before,  // bodies: the kinetic energy before a substep's sweeps ...
+    energy_after,   // ... and after them
     build,          // groups: rows, effective masses, warm start
     begin,          // islands: control records
     apply_start,    // bodies: the warm start's impulses; momentum starts afresh
@@ -191,7 +231,31 @@ enum class Stage : std::uint32_t {
     position_sweep, // groups
     position_apply, // bodies
     accumulate,     // groups: impulses of the substep into those of the step
+    keep,           // groups: impulses of the last substep, for the next step's warm start
 };
+
+// What a stage loops over. Movable bodies come before kinematic ones, which only move.
+enum class Domain : std::uint32_t { groups, movable, moving, islands };
+CAIRN_HD constexpr Domain domain_of(Stage stage) {
+    switch (stage) {
+    case Stage::bouncing:
+    case Stage::begin:
+    case Stage::reduce:
+        return Domain::islands;
+    case Stage::integrate:
+        return Domain::moving;
+    case Stage::inertia:
+    case Stage::forces:
+    case Stage::energy_before:
+    case Stage::energy_after:
+    case Stage::apply_start:
+    case Stage::apply:
+    case Stage::position_apply:
+        return Domain::movable;
+    default:
+        return Domain::groups;
+    }
+}
 
 template <class S> using RunStage = void (*)(Stage, const Frame<S>&, std::uint32_t begin, std::uint32_t end);
 

@@ -1,5 +1,7 @@
 // What a step gets and gives: columns over the caller's arrays, already checked by capi.
 #pragma once
+#include "../portable.h"
+
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -8,7 +10,7 @@ namespace cairn {
 
 enum class Type : std::uint32_t { f32, f64, i32, u32, u64 }; // the values of CAIRN_F32 ...
 
-constexpr std::size_t size_of(Type type) { return type == Type::f64 || type == Type::u64 ? 8 : 4; }
+CAIRN_HD constexpr std::size_t size_of(Type type) { return type == Type::f64 || type == Type::u64 ? 8 : 4; }
 
 // A field of a table: `real(i, c)` is component c of element i.
 struct Column {
@@ -16,19 +18,24 @@ struct Column {
     std::ptrdiff_t stride = 0; // bytes, never 0 where data is set
     Type type = Type::f64;
 
-    bool present() const { return data != nullptr; }
-    double real(std::size_t i, std::size_t c = 0) const {
+    CAIRN_HD bool present() const { return data != nullptr; }
+    CAIRN_HD double real(std::size_t i, std::size_t c = 0) const {
         return type == Type::f32 ? static_cast<double>(load<float>(i, c)) : load<double>(i, c);
     }
     // U32 is read as the same 32 bits, so that 0xffffffff is -1: no body, no row.
-    std::int64_t integer(std::size_t i, std::size_t c = 0) const { return load<std::int32_t>(i, c); }
-    std::uint64_t key(std::size_t i) const { return load<std::uint64_t>(i, 0); }
+    CAIRN_HD std::int64_t integer(std::size_t i, std::size_t c = 0) const { return load<std::int32_t>(i, c); }
+    CAIRN_HD std::uint64_t key(std::size_t i) const { return load<std::uint64_t>(i, 0); }
 
   private:
-    template <class T> T load(std::size_t i, std::size_t c) const {
+    template <class T> CAIRN_HD T load(std::size_t i, std::size_t c) const {
+        const std::byte* at = data + static_cast<std::ptrdiff_t>(i) * stride + static_cast<std::ptrdiff_t>(c * sizeof(T));
+#if defined(__CUDA_ARCH__) // a copy of unknown alignment would be made byte by byte
+        return *reinterpret_cast<const T*>(at);
+#else
         T value;
-        std::memcpy(&value, data + static_cast<std::ptrdiff_t>(i) * stride + static_cast<std::ptrdiff_t>(c * sizeof(T)), sizeof value);
+        std::memcpy(&value, at, sizeof value);
         return value;
+#endif
     }
 };
 
@@ -37,15 +44,22 @@ struct MutableColumn {
     std::ptrdiff_t stride = 0;
     Type type = Type::f64;
 
-    bool present() const { return data != nullptr; }
-    void set(std::size_t i, std::size_t c, double value) const {
+    CAIRN_HD bool present() const { return data != nullptr; }
+    CAIRN_HD void set(std::size_t i, std::size_t c, double value) const {
         std::byte* at = data + static_cast<std::ptrdiff_t>(i) * stride + static_cast<std::ptrdiff_t>(c * size_of(type));
-        if (type == Type::f32) {
-            const float narrow = static_cast<float>(value);
-            std::memcpy(at, &narrow, sizeof narrow);
-        } else {
-            std::memcpy(at, &value, sizeof value);
-        }
+        if (type == Type::f32)
+            put(at, static_cast<float>(value));
+        else
+            put(at, value);
+    }
+
+  private:
+    template <class T> CAIRN_HD static void put(std::byte* at, T value) {
+#if defined(__CUDA_ARCH__)
+        *reinterpret_cast<T*>(at) = value;
+#else
+        std::memcpy(at, &value, sizeof value);
+#endif
     }
 };
 

@@ -19,9 +19,6 @@ struct Block {
     std::uint32_t island;
 };
 
-// cairn_joints.axes of one axis; a limit without room is a lock.
-std::uint32_t axis_flags(const Input& input, std::size_t joint, std::size_t axis);
-
 template <class S> class Scene {
   public:
     explicit Scene(const Hooks& hooks);
@@ -31,9 +28,8 @@ template <class S> class Scene {
     // The body that is no longer finite, or an empty text.
     std::string not_finite() const;
     void write(const Input& input, const Output& output) const;
-    // Impulses of the last substep, for the next step.
+    // Impulses of the last substep, for the next step: after the schedule.
     void remember(const Input& input, WarmStartCache& cache) const;
-    double kinetic_energy(std::uint32_t body) const;
 
     Frame<S> frame{};
     std::vector<std::uint32_t> split_counts;
@@ -46,26 +42,37 @@ template <class S> class Scene {
     void find_islands();
     void lay_out(const Input& input, const Params& params);
     void assign_slots();
-    void pack_contact(const Input& input, std::size_t i, S* hot, S* cold, const Params& params, const WarmStartCache& cache);
-    void pack_joint(const Input& input, std::size_t i, S* hot, S* cold, const WarmStartCache& cache);
-    void pack_row(const Input& input, const Block& block, std::uint32_t r, S* hot, const WarmStartCache& cache);
     bool movable(std::int32_t body) const { return body >= 0 && constants_[static_cast<std::size_t>(body)].movable; }
 
-    // where lane i of a kind's group g lies
-    template <class Groups> static std::size_t hot_at(const Groups& groups, std::uint32_t lane) {
-        return groups[lane / kGroup].offset + lane % kGroup;
+    // The first field of point p of a manifold, of a joint, of row r of a raw block.
+    static S* field_of(S* array, const std::vector<Group>& groups, std::size_t Group::*offset, std::uint32_t lane, std::size_t skip) {
+        return array + groups[lane / kGroup].*offset + lane % kGroup + skip * kGroup;
     }
-    template <class Groups> static std::size_t cold_at(const Groups& groups, std::uint32_t lane) {
-        return groups[lane / kGroup].cold_offset + lane % kGroup;
+    std::uint32_t joint_lane(const Block& block) const { return block.lane - frame.contact_groups * kGroup; }
+    std::uint32_t raw_lane(const Block& block) const { return joint_lane(block) - frame.joint_groups * kGroup; }
+    S* contact_at(const Block& block, std::uint32_t p) const {
+        return field_of(frame.contact, contact_groups_, &Group::offset, block.lane, std::size_t{p} * kContactFields);
+    }
+    S* contact_cold_at(const Block& block, std::uint32_t p) const {
+        return field_of(frame.contact_cold, contact_groups_, &Group::cold_offset, block.lane, std::size_t{p} * kContactColdFields);
+    }
+    S* joint_at(const Block& block) const { return field_of(frame.joint, joint_groups_, &Group::offset, joint_lane(block), 0); }
+    S* joint_cold_at(const Block& block) const {
+        return field_of(frame.joint_cold, joint_groups_, &Group::cold_offset, joint_lane(block), 0);
+    }
+    S* raw_at(const Block& block, std::uint32_t r) const {
+        return field_of(frame.raw, raw_groups_, &Group::offset, raw_lane(block), std::size_t{r} * kRawFields);
     }
 
     Buffer<BodyConstants<S>> constants_;
     Buffer<S> velocity_, iterate_, displacement_, mass_, mass_cross_, slots_;
     Buffer<S> contact_, contact_cold_, joint_, joint_cold_, raw_, lane_static_, partial_restart_, partial_residual_;
     Buffer<std::int32_t> lane_a_, lane_b_, slot_a_, slot_b_;
-    Buffer<std::uint32_t> lane_partial_, moving_, body_island_, slot_begin_, clamped_, island_begin_;
+    Buffer<std::uint32_t> lane_partial_, lane_island_, moving_, body_island_, slot_begin_, clamped_, island_begin_;
     Buffer<std::uint8_t> island_bounces_;
+    Buffer<double> energy_change_;
     Buffer<Control<S>> control_;
+    Buffer<S> trace_;
     std::vector<Group> contact_groups_, joint_groups_, raw_groups_;
     // in the order of the input, kind after kind
     std::vector<Block> contact_blocks_, joint_blocks_, raw_blocks_;

@@ -9,19 +9,21 @@ inline namespace CAIRN_ISA {
 using BodyVec = Vec3<Real>;
 constexpr Real kQuarterTurn = Real(0.78539816339744831); // a body turns by at most pi/4 in a substep
 
-inline BodyVec at(const Real* row) { return {row[0], row[1], row[2]}; }
-inline void put(const BodyVec& a, Real* row) {
+CAIRN_HD inline BodyVec at(const Real* row) { return {row[0], row[1], row[2]}; }
+CAIRN_HD inline void put(const BodyVec& a, Real* row) {
     row[0] = a.x;
     row[1] = a.y;
     row[2] = a.z;
 }
-inline Quat<Real> turn_at(const Real* displacement) { return {displacement[4], displacement[5], displacement[6], displacement[7]}; }
-inline Quat<Real> orientation_of(const BodyConstants<Real>& body, const Real* displacement) {
+CAIRN_HD inline Quat<Real> turn_at(const Real* displacement) {
+    return {displacement[4], displacement[5], displacement[6], displacement[7]};
+}
+CAIRN_HD inline Quat<Real> orientation_of(const BodyConstants<Real>& body, const Real* displacement) {
     return turn_at(displacement) * Quat<Real>{body.orientation[0], body.orientation[1], body.orientation[2], body.orientation[3]};
 }
 
 // F R diag R^T F into the body's mass rows
-inline void refresh_inertia(const Frame<Real>& f, std::uint32_t b) {
+CAIRN_HD inline void refresh_inertia(const Frame<Real>& f, std::uint32_t b) {
     const BodyConstants<Real>& body = f.body[b];
     const Axes<Real> axes = axes_of(orientation_of(body, f.displacement + 8 * static_cast<std::size_t>(b)));
     const Sym3<Real> i = rotated_diagonal(axes, at(body.inverse_inertia));
@@ -35,14 +37,14 @@ inline void refresh_inertia(const Frame<Real>& f, std::uint32_t b) {
     cross[1] = i.xz * k.x * k.z;
     cross[2] = i.yz * k.y * k.z;
 }
-inline Sym3<Real> inertia_at(const Frame<Real>& f, std::uint32_t b) {
+CAIRN_HD inline Sym3<Real> inertia_at(const Frame<Real>& f, std::uint32_t b) {
     const Real* mass = f.mass + 8 * static_cast<std::size_t>(b);
     const Real* cross = f.mass_cross + 8 * static_cast<std::size_t>(b);
     return {mass[4], mass[5], mass[6], cross[0], cross[1], cross[2]};
 }
 
 // Turn by `angle` (rad, world axes), cut to pi/4: true if it was.
-inline bool turn_body(Real* displacement, BodyVec angle) {
+CAIRN_HD inline bool turn_body(Real* displacement, BodyVec angle) {
     const Real square = dot(angle, angle);
     const bool cut = square > kQuarterTurn * kQuarterTurn;
     if (cut)
@@ -55,7 +57,7 @@ inline bool turn_body(Real* displacement, BodyVec angle) {
     return cut;
 }
 
-inline void apply_forces(const Frame<Real>& f, std::uint32_t b) {
+CAIRN_HD inline void apply_forces(const Frame<Real>& f, std::uint32_t b) {
     const BodyConstants<Real>& body = f.body[b];
     Real* v = f.velocity + 8 * static_cast<std::size_t>(b);
     put(at(v) + at(body.acceleration) * f.h, v);
@@ -66,7 +68,7 @@ inline void apply_forces(const Frame<Real>& f, std::uint32_t b) {
 struct Slots {
     Real sum[8];
 };
-inline Slots sum_slots(const Real* slots, std::uint32_t begin, std::uint32_t end) {
+CAIRN_HD inline Slots sum_slots(const Real* slots, std::uint32_t begin, std::uint32_t end) {
     Slots total{};
     for (std::uint32_t chunk = begin; chunk < end; chunk += 32) {
         const std::uint32_t last = chunk + 32 < end ? chunk + 32 : end;
@@ -82,10 +84,10 @@ inline Slots sum_slots(const Real* slots, std::uint32_t begin, std::uint32_t end
     }
     return total;
 }
-inline Slots impulse_on(const Frame<Real>& f, std::uint32_t b) { return sum_slots(f.slots, f.slot_begin[b], f.slot_begin[b + 1]); }
+CAIRN_HD inline Slots impulse_on(const Frame<Real>& f, std::uint32_t b) { return sum_slots(f.slots, f.slot_begin[b], f.slot_begin[b + 1]); }
 
 // The sweeps start: warm-start impulses, momentum at rest.
-inline void apply_start(const Frame<Real>& f, std::uint32_t b) {
+CAIRN_HD inline void apply_start(const Frame<Real>& f, std::uint32_t b) {
     Real* v = f.velocity + 8 * static_cast<std::size_t>(b);
     Real* x = f.iterate + 8 * static_cast<std::size_t>(b);
     if (f.warm && f.phase == Phase::substep) {
@@ -101,8 +103,10 @@ inline void apply_start(const Frame<Real>& f, std::uint32_t b) {
 
 // v+ = v + M^-1 J^T (lambda+ - lambda); the next sweep looks at v+ + beta (v+ - v), which is never added to: rounding errors
 // would otherwise follow the momentum's own double integrator.
-inline void apply_sweep(const Frame<Real>& f, std::uint32_t b) {
+CAIRN_HD inline void apply_sweep(const Frame<Real>& f, std::uint32_t b) {
     Real* y = f.velocity + 8 * static_cast<std::size_t>(b);
+    if (f.reduces && !(y[7] > 0)) // its island rests: not a bit changes, however often the others sweep
+        return;
     const Slots p = impulse_on(f, b);
     const Real* from = f.reduces ? f.iterate + 8 * static_cast<std::size_t>(b) : y;
     const BodyVec v = at(from) + times(at(f.mass + 8 * static_cast<std::size_t>(b)), at(p.sum));
@@ -125,7 +129,7 @@ inline void apply_sweep(const Frame<Real>& f, std::uint32_t b) {
 
 // Poses. The angular momentum L = I w is kept, not w: w_mid = I(q_mid)^-1 L by three fixed-point steps, q+ = exp(h w_mid) q,
 // w+ = I(q+)^-1 L.
-inline void integrate_pose(const Frame<Real>& f, std::uint32_t b) {
+CAIRN_HD inline void integrate_pose(const Frame<Real>& f, std::uint32_t b) {
     const BodyConstants<Real>& body = f.body[b];
     Real* v = f.velocity + 8 * static_cast<std::size_t>(b);
     Real* d = f.displacement + 8 * static_cast<std::size_t>(b);
@@ -158,8 +162,29 @@ inline void integrate_pose(const Frame<Real>& f, std::uint32_t b) {
     refresh_inertia(f, b);
 }
 
+// 1/2 m v^2 + 1/2 w . I w, in the body's axes and in double: differences of it are what is wanted.
+CAIRN_HD inline double kinetic_energy(const Frame<Real>& f, std::uint32_t b) {
+    const BodyConstants<Real>& body = f.body[b];
+    const auto wide = [](const Real* row) {
+        return Vec3<double>{static_cast<double>(row[0]), static_cast<double>(row[1]), static_cast<double>(row[2])};
+    };
+    const auto wide4 = [](const Real* row) {
+        return Quat<double>{static_cast<double>(row[0]), static_cast<double>(row[1]), static_cast<double>(row[2]),
+                            static_cast<double>(row[3])};
+    };
+    const Real* row = f.velocity + 8 * static_cast<std::size_t>(b);
+    const Vec3<double> v = wide(row), w = wide(row + 4);
+    const Axes<double> r = axes_of(wide4(f.displacement + 8 * static_cast<std::size_t>(b) + 4) * wide4(body.orientation));
+    const auto about = [&](const Vec3<double>& axis, Real inverse) {
+        const double spin = dot(axis, w);
+        return inverse > 0 ? spin * spin / static_cast<double>(inverse) : 0.0;
+    };
+    return 0.5 * (static_cast<double>(body.mass) * dot(v, v) +
+                  (about(r.x, body.inverse_inertia[0]) + about(r.y, body.inverse_inertia[1]) + about(r.z, body.inverse_inertia[2])));
+}
+
 // A position sweep's displacement M^-1 J^T dlambda.
-inline void apply_position(const Frame<Real>& f, std::uint32_t b) {
+CAIRN_HD inline void apply_position(const Frame<Real>& f, std::uint32_t b) {
     const Slots p = impulse_on(f, b);
     Real* d = f.displacement + 8 * static_cast<std::size_t>(b);
     put(at(d) + times(at(f.mass + 8 * static_cast<std::size_t>(b)), at(p.sum)), d);

@@ -8,7 +8,7 @@ namespace cairn {
 inline namespace CAIRN_ISA {
 
 // Sum in chunks of 32, then of the chunks' sums likewise: the order is the island's own.
-inline Real tree_sum(const Real* values, std::uint32_t begin, std::uint32_t end) {
+CAIRN_HD inline Real tree_sum(const Real* values, std::uint32_t begin, std::uint32_t end) {
     Real total = 0;
     for (std::uint32_t block = begin; block < end; block += 1024) {
         Real middle = 0;
@@ -24,26 +24,27 @@ inline Real tree_sum(const Real* values, std::uint32_t begin, std::uint32_t end)
 }
 
 // Sweeps begin: t = 1, no momentum. The restitution phase leaves alone the islands in which nothing bounces.
-inline void begin_island(const Frame<Real>& f, std::uint32_t i) {
+CAIRN_HD inline void begin_island(const Frame<Real>& f, std::uint32_t i) {
     f.control[i].t = 1;
     f.control[i].beta = 0;
     f.control[i].residual = 0;
     f.control[i].active = f.phase == Phase::restitution && !f.island_bounces[i] ? Real(0) : Real(1);
 }
 
-inline void mark_bouncing(const Frame<Real>& f, std::uint32_t i) {
+CAIRN_HD inline void mark_bouncing(const Frame<Real>& f, std::uint32_t i) {
     f.island_bounces[i] = tree_sum(f.partial_residual, f.island_begin[i], f.island_begin[i + 1]) > 0 ? 1 : 0;
 }
 
 // After a sweep. Nesterov's sequence t+ = (1 + sqrt(1 + 4 t^2)) / 2, beta = (t - 1) / t+; it starts anew when the step has
 // turned against the momentum, (y - x+)^T D (x+ - x) > 0. D, because rows mix units.
-inline void reduce_island(const Frame<Real>& f, std::uint32_t i) {
+CAIRN_HD inline void reduce_island(const Frame<Real>& f, std::uint32_t i) {
     Control<Real>& c = f.control[i];
     if (!(c.active > 0))
         return;
     c.residual = tree_sum(f.partial_residual, f.island_begin[i], f.island_begin[i + 1]);
-    if (f.phase != Phase::restitution)
-        ++c.iterations;
+    ++c.sweeps[static_cast<std::uint32_t>(f.phase)];
+    if (f.trace && f.phase != Phase::restitution)
+        f.trace[static_cast<std::size_t>(f.sweep) * f.island_count + i] = c.residual;
     if (f.momentum) {
         if (tree_sum(f.partial_restart, f.island_begin[i], f.island_begin[i + 1]) > 0) {
             c.t = 1;
