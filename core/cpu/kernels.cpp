@@ -33,7 +33,7 @@ namespace CAIRN_NAMESPACE(CAIRN_ISA) {
             break;
         case Domain::islands:
             for (std::uint32_t i = begin; i < end; ++i)
-                run_island(stage, f, i);
+                run_island(stage, f, i, [&](const Real* values) { return tree_sum(values, f.island_begin[i], f.island_begin[i + 1]); });
             break;
         default:
             for (std::uint32_t i = begin; i < end; ++i)

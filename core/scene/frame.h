@@ -172,7 +172,15 @@ template <class S> struct Control {
     std::uint32_t sweeps[3];     // made in each phase, over all substeps; counted only where the sweeps are reduced
 };
 
-template <class S> struct Frame {
+// Where the schedule is. What the stages see of it changes from one to the next; the rest of a frame stays.
+struct Progress {
+    std::uint32_t current; // lambda's buffer that holds x; the other holds the x before
+    std::uint32_t sweep;   // of the step, restitution apart
+    Phase phase;
+    bool reduces, last_sweep; // reduces: islands have control records
+};
+
+template <class S> struct Frame : Progress {
     // sizes
     std::uint32_t body_count, movable_count, moving_count, island_count;
     std::uint32_t contact_groups, joint_groups, raw_groups;
@@ -199,11 +207,6 @@ template <class S> struct Frame {
     std::uint8_t* island_bounces;
     Control<S>* control;
     S* trace; // [sweep of the step][island] squared residuals, -1 where an island rested; null: not wanted
-    // where the schedule is
-    std::uint32_t current; // lambda's buffer that holds x; the other holds the x before
-    std::uint32_t sweep;   // of the step, restitution apart
-    Phase phase;
-    bool reduces, last_sweep; // reduces: islands have control records
     // the step
     S h, dt;
     bool warm, momentum, manifold_blocks, pyramid;

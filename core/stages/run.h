@@ -80,14 +80,19 @@ CAIRN_HD inline void run_body(Stage stage, const Frame<Real>& f, std::uint32_t b
         return apply_position(f, b);
     }
 }
-CAIRN_HD inline void run_island(Stage stage, const Frame<Real>& f, std::uint32_t i) {
+// `sum(values)` adds up the island's part of an array of partial sums, by the tree of islands.h.
+template <class Sum> CAIRN_HD void run_island(Stage stage, const Frame<Real>& f, std::uint32_t i, const Sum& sum) {
     switch (stage) {
-    case Stage::bouncing:
-        return mark_bouncing(f, i);
     case Stage::begin:
         return begin_island(f, i);
+    case Stage::bouncing:
+        return mark_bouncing(f, i, sum(f.partial_residual));
     default:
-        return reduce_island(f, i);
+        if (f.control[i].active > 0) {
+            const Real restart = f.momentum ? sum(f.partial_restart) : Real(0);
+            reduce_island(f, i, restart, sum(f.partial_residual));
+        }
+        return;
     }
 }
 
