@@ -39,8 +39,8 @@ CAIRN_HD inline void approach_contacts(const Frame<Real>& f, const Group& g, std
     const Motion<Lane> va = gather_motion(f.velocity, f.lane_a + lane), vb = gather_motion(f.velocity, f.lane_b + lane);
     Lane bounces = Lane(Real(0));
     for (std::uint32_t p = 0; p < g.count; ++p) {
-        const Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
-        Real* cold = f.contact_cold + g.cold_offset + p * kContactColdFields * kGroup + sub;
+        const Real* hot = fields_of(f.contact, kContactFields, g, p, sub);
+        Real* cold = fields_of(f.contact_cold, kContactColdFields, g, p, sub);
         const PointGeometry point = load_point(hot);
         const Lane speed = dot(point.n, slip(point, va, vb));
         const Lane target =
@@ -71,8 +71,8 @@ CAIRN_HD inline void build_contacts(const Frame<Real>& f, const Group& g, std::s
     const Lane takes_part = f.phase == Phase::restitution ? island_bounces(f, lane) : zero;
     Vec3<Lane> push{zero, zero, zero}, turn_a = push, turn_b = push;
     for (std::uint32_t p = 0; p < g.count; ++p) {
-        Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
-        Real* cold = f.contact_cold + g.cold_offset + p * kContactColdFields * kGroup + sub;
+        Real* hot = fields_of(f.contact, kContactFields, g, p, sub);
+        Real* cold = fields_of(f.contact_cold, kContactColdFields, g, p, sub);
         const PointGeometry q = load_point(hot);
         const Vec3<Lane> an = cross(q.a, q.n), bn = cross(q.b, q.n);
         const Lane ka = ma.between(q.n, an, q.n, an), kb = mb.between(q.n, bn, q.n, bn);
@@ -176,7 +176,7 @@ CAIRN_HD void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t l
     Lane restart = zero, residual = zero;
     const std::uint32_t now = kLambda + 3 * f.current, before = kLambda + 3 * (1 - f.current);
     for (std::uint32_t p = 0; p < g.count; ++p) {
-        Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
+        Real* hot = fields_of(f.contact, kContactFields, g, p, sub);
         const PointGeometry q = load_point(hot);
         const Vec3<Lane> u = slip(q, va, vb);
 
@@ -257,8 +257,8 @@ CAIRN_HD inline void position_contacts(const Frame<Real>& f, const Group& g, std
     // how far the points before it in the same manifold block move this one, with the split mass
     Vec3<Lane> shift_a = push, shift_b = push, spin_a = push, spin_b = push;
     for (std::uint32_t p = 0; p < g.count; ++p) {
-        const Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
-        const Real* cold = f.contact_cold + g.cold_offset + p * kContactColdFields * kGroup + sub;
+        const Real* hot = fields_of(f.contact, kContactFields, g, p, sub);
+        const Real* cold = fields_of(f.contact_cold, kContactColdFields, g, p, sub);
         const PointGeometry q = load_point(hot);
         const Vec3<Lane> an = cross(q.a, q.n), bn = cross(q.b, q.n);
         const Lane d = ma.n * ma.between(q.n, an, q.n, an) + mb.n * mb.between(q.n, bn, q.n, bn);
@@ -285,8 +285,8 @@ CAIRN_HD inline void position_contacts(const Frame<Real>& f, const Group& g, std
 CAIRN_HD inline void accumulate_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Lane takes_part = f.phase == Phase::restitution ? island_bounces(f, lane) : Lane(Real(0));
     for (std::uint32_t p = 0; p < g.count; ++p) {
-        const Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
-        Real* total = f.contact_cold + g.cold_offset + (p * kContactColdFields + kTotal) * kGroup + sub;
+        const Real* hot = fields_of(f.contact, kContactFields, g, p, sub);
+        Real* total = fields_of(f.contact_cold, kContactColdFields, g, p, sub) + kTotal * kGroup;
         add_to_totals(f, takes_part, load3(hot + (kLambda + 3 * f.current) * kGroup), total);
     }
 }
@@ -294,8 +294,8 @@ CAIRN_HD inline void accumulate_contacts(const Frame<Real>& f, const Group& g, s
 // The last substep's impulses, for the next step's warm start.
 CAIRN_HD inline void keep_contacts(const Frame<Real>& f, const Group& g, std::uint32_t sub) {
     for (std::uint32_t p = 0; p < g.count; ++p) {
-        const Real* hot = f.contact + g.offset + p * kContactFields * kGroup + sub;
-        Real* cold = f.contact_cold + g.cold_offset + p * kContactColdFields * kGroup + sub;
+        const Real* hot = fields_of(f.contact, kContactFields, g, p, sub);
+        Real* cold = fields_of(f.contact_cold, kContactColdFields, g, p, sub);
         store3(load3(hot + (kLambda + 3 * f.current) * kGroup), cold + kKept * kGroup);
     }
 }

@@ -169,8 +169,8 @@ CAIRN_HD inline void scatter_joint(const Frame<Real>& f, std::size_t lane, const
 }
 
 CAIRN_HD inline void build_joints(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
-    Real* hot = f.joint + g.offset + sub;
-    Real* cold = f.joint_cold + g.cold_offset + sub;
+    Real* hot = fields_of(f.joint, kJointFields, g, 0, sub);
+    Real* cold = fields_of(f.joint_cold, kJointColdFields, g, 0, sub);
     const JointGeometry j = measure_joint(f, g, lane, cold);
     const JointRows rows = rows_of(j);
     const Lane zero = Lane(Real(0)), h = Lane(f.h);
@@ -252,7 +252,7 @@ CAIRN_HD inline void build_joints(const Frame<Real>& f, const Group& g, std::siz
 template <bool kBounded, bool kReduces>
 CAIRN_HD void sweep_joints_of(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Lane zero = Lane(Real(0));
-    Real* hot = f.joint + g.offset + sub;
+    Real* hot = fields_of(f.joint, kJointFields, g, 0, sub);
     const Motion<Lane> va = gather_motion(f.velocity, f.lane_a + lane), vb = gather_motion(f.velocity, f.lane_b + lane);
     const Lane beta = maximum(va.beta, vb.beta);
     const auto active = maximum(va.active, vb.active) > zero;
@@ -342,7 +342,7 @@ CAIRN_HD inline void sweep_joints(const Frame<Real>& f, const Group& g, std::siz
 
 // Nonlinear Jacobi on the locked axes and on limits that are passed.
 CAIRN_HD inline void position_joints(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
-    const Real* cold = f.joint_cold + g.cold_offset + sub;
+    const Real* cold = fields_of(f.joint_cold, kJointColdFields, g, 0, sub);
     const JointGeometry j = measure_joint(f, g, lane, cold);
     const JointRows rows = rows_of(j);
     const Lane zero = Lane(Real(0));
@@ -369,15 +369,15 @@ CAIRN_HD inline void position_joints(const Frame<Real>& f, const Group& g, std::
 
 CAIRN_HD inline void accumulate_joints(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Lane takes_part = f.phase == Phase::restitution ? island_bounces(f, lane) : Lane(Real(0));
-    const Real* lambda = f.joint + g.offset + (kJointLambda + 12 * f.current) * kGroup + sub;
-    Real* total = f.joint_cold + g.cold_offset + kJointTotal * kGroup + sub;
+    const Real* lambda = fields_of(f.joint, kJointFields, g, 0, sub) + (kJointLambda + 12 * f.current) * kGroup;
+    Real* total = fields_of(f.joint_cold, kJointColdFields, g, 0, sub) + kJointTotal * kGroup;
     for (std::uint32_t i = 0; i < 12; ++i)
         store(add_to_total(f, takes_part, load_as<Lane>(total + i * kGroup), load_as<Lane>(lambda + i * kGroup)), total + i * kGroup);
 }
 
 CAIRN_HD inline void keep_joints(const Frame<Real>& f, const Group& g, std::uint32_t sub) {
-    const Real* lambda = f.joint + g.offset + (kJointLambda + 12 * f.current) * kGroup + sub;
-    Real* kept = f.joint_cold + g.cold_offset + kJointKept * kGroup + sub;
+    const Real* lambda = fields_of(f.joint, kJointFields, g, 0, sub) + (kJointLambda + 12 * f.current) * kGroup;
+    Real* kept = fields_of(f.joint_cold, kJointColdFields, g, 0, sub) + kJointKept * kGroup;
     for (std::uint32_t i = 0; i < 12; ++i)
         store(load_as<Lane>(lambda + i * kGroup), kept + i * kGroup);
 }

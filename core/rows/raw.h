@@ -44,25 +44,25 @@ CAIRN_HD inline void build_raw(const Frame<Real>& f, const Group& g, std::size_t
     RawWrench wrench = no_wrench();
     Lane diagonal[kRawRows];
     for (std::uint32_t r = 0; r < g.count; ++r) {
-        Real* hot = f.raw + g.offset + r * kRawFields * kGroup + sub;
+        Real* hot = fields_of(f.raw, kRawFields, g, r, sub);
         const RawRow row = load_raw(hot);
         diagonal[r] = ma.n * ma.between(row.linear_a, row.angular_a, row.linear_a, row.angular_a) +
                       mb.n * mb.between(row.linear_b, row.angular_b, row.linear_b, row.angular_b);
     }
     for (std::uint32_t r = 0; r < g.count; ++r) {
-        Real* hot = f.raw + g.offset + r * kRawFields * kGroup + sub;
+        Real* hot = fields_of(f.raw, kRawFields, g, r, sub);
         const RawRow row = load_raw(hot);
         Lane d = diagonal[r], gamma = load_as<Lane>(hot + kRawGamma * kGroup);
         // rows that share a disc share sigma, the larger eigenvalue of their 2x2 block
         for (std::uint32_t partner = r > 0 ? r - 1 : 1; partner < g.count && partner <= r + 1; partner += 2) {
             const bool first = partner > r;
-            const RawRow other = load_raw(f.raw + g.offset + partner * kRawFields * kGroup + sub);
+            const RawRow other = load_raw(fields_of(f.raw, kRawFields, g, partner, sub));
             const Lane cross = ma.n * ma.between(row.linear_a, row.angular_a, other.linear_a, other.angular_a) +
                                mb.n * mb.between(row.linear_b, row.angular_b, other.linear_b, other.angular_b);
             const Lane half = (diagonal[r] - diagonal[partner]) * Lane(Real(0.5));
             const Lane sigma = (diagonal[r] + diagonal[partner]) * Lane(Real(0.5)) + root(half * half + cross * cross);
             const auto paired = load_as<Lane>(hot + (first ? kPairFirst : kPairSecond) * kGroup) > zero;
-            const Lane other_gamma = load_as<Lane>(f.raw + g.offset + (partner * kRawFields + kRawGamma) * kGroup + sub);
+            const Lane other_gamma = load_as<Lane>(fields_of(f.raw, kRawFields, g, partner, sub) + kRawGamma * kGroup);
             d = select(paired, sigma, d);
             gamma = select(paired, maximum(gamma, other_gamma), gamma); // one metric, or the disc's fixed point would be wrong
         }
@@ -93,7 +93,7 @@ template <bool kReduces> CAIRN_HD void sweep_raw_of(const Frame<Real>& f, const 
     RawWrench wrench = no_wrench();
     Lane restart = zero, residual = zero, second = zero, lambda[kRawRows];
     for (std::uint32_t r = 0; r < g.count; ++r) {
-        Real* hot = f.raw + g.offset + r * kRawFields * kGroup + sub;
+        Real* hot = fields_of(f.raw, kRawFields, g, r, sub);
         const RawRow row = load_raw(hot);
         const auto residual_of = [&](const Real* at, const RawRow& of, const Lane& y) {
             return of.speed(va, vb) - load_as<Lane>(at + kRhs * kGroup) + load_as<Lane>(at + kRawGamma * kGroup) * y;
@@ -118,7 +118,7 @@ template <bool kReduces> CAIRN_HD void sweep_raw_of(const Frame<Real>& f, const 
         const Lane high = select(rubs, bound, load_as<Lane>(hot + kRawHigh * kGroup) * share);
         Lane scale = one, partner = zero;
         if (r + 1 < g.count) {
-            const Real* other = hot + kRawFields * kGroup;
+            const Real* other = fields_of(f.raw, kRawFields, g, r + 1, sub);
             Lane x2;
             const Lane y2 = start_of(other, x2);
             partner = y2 - residual_of(other, load_raw(other), y2) * load_as<Lane>(other + kRawInverse * kGroup);
@@ -155,7 +155,7 @@ CAIRN_HD inline void sweep_raw(const Frame<Real>& f, const Group& g, std::size_t
 CAIRN_HD inline void accumulate_raw(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Lane takes_part = f.phase == Phase::restitution ? island_bounces(f, lane) : Lane(Real(0));
     for (std::uint32_t r = 0; r < g.count; ++r) {
-        Real* hot = f.raw + g.offset + r * kRawFields * kGroup + sub;
+        Real* hot = fields_of(f.raw, kRawFields, g, r, sub);
         const Lane lambda = load_as<Lane>(hot + (kRawLambda + f.current) * kGroup);
         store(add_to_total(f, takes_part, load_as<Lane>(hot + kRawTotal * kGroup), lambda), hot + kRawTotal * kGroup);
     }
@@ -163,7 +163,7 @@ CAIRN_HD inline void accumulate_raw(const Frame<Real>& f, const Group& g, std::s
 
 CAIRN_HD inline void keep_raw(const Frame<Real>& f, const Group& g, std::uint32_t sub) {
     for (std::uint32_t r = 0; r < g.count; ++r) {
-        Real* hot = f.raw + g.offset + r * kRawFields * kGroup + sub;
+        Real* hot = fields_of(f.raw, kRawFields, g, r, sub);
         store(load_as<Lane>(hot + (kRawLambda + f.current) * kGroup), hot + kRawKept * kGroup);
     }
 }

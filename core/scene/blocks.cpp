@@ -120,18 +120,15 @@ template <class S> void Scene<S>::lay_out(const Input& input, const Params& para
     joint_groups_.clear();
     raw_groups_.clear();
     std::uint32_t lanes = 0;
-    const auto fill = [&](std::vector<Block>& blocks, std::vector<Group>& groups, std::size_t fields, std::size_t cold_fields,
-                          const Group& shape, const auto& belongs) {
+    const auto fill = [&](std::vector<Block>& blocks, std::vector<Group>& groups, const Group& shape, const auto& belongs) {
         std::uint32_t in_group = kGroup;
         for (Block& block : blocks) {
             if (!belongs(block))
                 continue;
             if (in_group == kGroup) {
                 Group g = shape;
-                if (!groups.empty()) {
-                    g.offset = groups.back().offset + groups.back().count * fields * kGroup;
-                    g.cold_offset = groups.back().cold_offset + groups.back().count * cold_fields * kGroup;
-                }
+                if (!groups.empty())
+                    g.first = groups.back().first + groups.back().count * kGroup;
                 groups.push_back(g);
                 lanes += kGroup;
                 in_group = 0;
@@ -140,15 +137,14 @@ template <class S> void Scene<S>::lay_out(const Input& input, const Params& para
         }
     };
     for (std::uint32_t shape = 0; shape < kContactShapes; ++shape)
-        fill(contact_blocks_, contact_groups_, kContactFields, kContactColdFields, contact_group_of(shape),
+        fill(contact_blocks_, contact_groups_, contact_group_of(shape),
              [&](const Block& block) { return contact_shape(block.count, rubs(input, block, params)) == shape; });
     for (std::uint32_t shape = 0; shape < kJointShapes; ++shape)
-        fill(joint_blocks_, joint_groups_, kJointFields, kJointColdFields, joint_group_of(shape), [&](const Block& block) {
+        fill(joint_blocks_, joint_groups_, joint_group_of(shape), [&](const Block& block) {
             return joint_shape(joint_rotation(input.joints, block.first), joint_bounded(input.joints, block.first)) == shape;
         });
     for (std::uint32_t shape = 0; shape < kRawShapes; ++shape)
-        fill(raw_blocks_, raw_groups_, kRawFields, 0, raw_group_of(shape),
-             [&](const Block& block) { return raw_shape(block.count) == shape; });
+        fill(raw_blocks_, raw_groups_, raw_group_of(shape), [&](const Block& block) { return raw_shape(block.count) == shape; });
     frame.contact_groups = static_cast<std::uint32_t>(contact_groups_.size());
     frame.joint_groups = static_cast<std::uint32_t>(joint_groups_.size());
     frame.raw_groups = static_cast<std::uint32_t>(raw_groups_.size());

@@ -123,13 +123,22 @@ enum RawField : std::uint32_t {
 constexpr std::uint32_t kContactShapes = 2 * kPoints, kJointShapes = 12, kRawShapes = kRawRows;
 
 struct Group {
-    std::size_t offset = 0; // of its first field in the kind's array, in numbers
-    std::size_t cold_offset = 0;
-    std::uint32_t count = 0; // points of each manifold, rows of each raw block, 1 for joints
+    std::uint32_t first = 0;       // place of lane 0's first point (joint, row) among all of its kind
+    std::uint32_t stride = kGroup; // from a lane's point to its next
+    std::uint32_t count = 0;       // points of each manifold, rows of each raw block, 1 for joints
     Rotation rotation = Rotation::none;
     bool friction = false; // contacts: some lane has friction
     bool bounded = false;  // joints: some lane has a limited or driven axis
 };
+
+// The first of `fields` numbers, kGroup apart, of place i of an array of constraints ...
+template <class S> CAIRN_HD S* fields_at(S* array, std::uint32_t fields, std::size_t i) {
+    return array + i / kGroup * fields * kGroup + i % kGroup;
+}
+// ... and of point p of lane `sub` of a group.
+template <class S> CAIRN_HD S* fields_of(S* array, std::uint32_t fields, const Group& g, std::uint32_t p, std::uint32_t sub) {
+    return fields_at(array, fields, g.first + static_cast<std::size_t>(p) * g.stride + sub);
+}
 
 CAIRN_HD inline std::uint32_t contact_shape(std::uint32_t count, bool friction) { return 2 * (kPoints - count) + (friction ? 0u : 1u); }
 CAIRN_HD inline Group contact_group_of(std::uint32_t shape) {

@@ -49,23 +49,18 @@ template <class S> void Scene<S>::pack(const Input& input, const Params& params,
     lay_out(input, params);
     assign_slots();
 
-    const auto room = [](const std::vector<Group>& groups, std::size_t fields, std::size_t cold_fields) {
-        if (groups.empty())
-            return std::pair<std::size_t, std::size_t>{0, 0};
-        const Group& last = groups.back();
-        return std::pair{last.offset + last.count * fields * kGroup, last.cold_offset + last.count * cold_fields * kGroup};
+    const auto places = [](const std::vector<Group>& groups) {
+        return groups.empty() ? std::size_t{0} : groups.back().first + std::size_t{groups.back().count} * kGroup;
     };
-    const auto [contact_size, contact_cold_size] = room(contact_groups_, kContactFields, kContactColdFields);
-    const auto [joint_size, joint_cold_size] = room(joint_groups_, kJointFields, kJointColdFields);
-    frame.contact = contact_.resize_filled(contact_size, 0);
-    frame.contact_cold = contact_cold_.resize_filled(contact_cold_size, 0);
-    frame.joint = joint_.resize_filled(joint_size, 0);
-    frame.joint_cold = joint_cold_.resize_filled(joint_cold_size, 0);
-    for (const Group& group : joint_groups_) // idle lanes have unit quaternions, too
-        for (std::uint32_t lane = 0; lane < kGroup; ++lane)
-            for (const std::uint32_t frame_w : {kStartFrameA + 3, kStartFrameB + 3})
-                joint_cold_[group.cold_offset + frame_w * kGroup + lane] = 1;
-    frame.raw = raw_.resize_filled(room(raw_groups_, kRawFields, 0).first, 0);
+    const std::size_t points = places(contact_groups_), joint_places = places(joint_groups_);
+    frame.contact = contact_.resize_filled(points * kContactFields, 0);
+    frame.contact_cold = contact_cold_.resize_filled(points * kContactColdFields, 0);
+    frame.joint = joint_.resize_filled(joint_places * kJointFields, 0);
+    frame.joint_cold = joint_cold_.resize_filled(joint_places * kJointColdFields, 0);
+    for (std::size_t i = 0; i < joint_places; ++i) // idle lanes have unit quaternions, too
+        for (const std::size_t frame_w : {kStartFrameA + 3, kStartFrameB + 3})
+            *field_at(fields_at(frame.joint_cold, kJointColdFields, i), frame_w) = 1;
+    frame.raw = raw_.resize_filled(places(raw_groups_) * kRawFields, 0);
 
     const double h = static_cast<double>(frame.h);
     warm_started = 0;

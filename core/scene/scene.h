@@ -45,24 +45,20 @@ template <class S> class Scene {
     bool movable(std::int32_t body) const { return body >= 0 && constants_[static_cast<std::size_t>(body)].movable; }
 
     // The first field of point p of a manifold, of a joint, of row r of a raw block.
-    static S* field_of(S* array, const std::vector<Group>& groups, std::size_t Group::*offset, std::uint32_t lane, std::size_t skip) {
-        return array + groups[lane / kGroup].*offset + lane % kGroup + skip * kGroup;
+    static S* field_of(S* array, std::uint32_t fields, const std::vector<Group>& groups, std::uint32_t lane, std::uint32_t p) {
+        return fields_of(array, fields, groups[lane / kGroup], p, lane % kGroup);
     }
     std::uint32_t joint_lane(const Block& block) const { return block.lane - frame.contact_groups * kGroup; }
     std::uint32_t raw_lane(const Block& block) const { return joint_lane(block) - frame.joint_groups * kGroup; }
     S* contact_at(const Block& block, std::uint32_t p) const {
-        return field_of(frame.contact, contact_groups_, &Group::offset, block.lane, std::size_t{p} * kContactFields);
+        return field_of(frame.contact, kContactFields, contact_groups_, block.lane, p);
     }
     S* contact_cold_at(const Block& block, std::uint32_t p) const {
-        return field_of(frame.contact_cold, contact_groups_, &Group::cold_offset, block.lane, std::size_t{p} * kContactColdFields);
+        return field_of(frame.contact_cold, kContactColdFields, contact_groups_, block.lane, p);
     }
-    S* joint_at(const Block& block) const { return field_of(frame.joint, joint_groups_, &Group::offset, joint_lane(block), 0); }
-    S* joint_cold_at(const Block& block) const {
-        return field_of(frame.joint_cold, joint_groups_, &Group::cold_offset, joint_lane(block), 0);
-    }
-    S* raw_at(const Block& block, std::uint32_t r) const {
-        return field_of(frame.raw, raw_groups_, &Group::offset, raw_lane(block), std::size_t{r} * kRawFields);
-    }
+    S* joint_at(const Block& block) const { return field_of(frame.joint, kJointFields, joint_groups_, joint_lane(block), 0); }
+    S* joint_cold_at(const Block& block) const { return field_of(frame.joint_cold, kJointColdFields, joint_groups_, joint_lane(block), 0); }
+    S* raw_at(const Block& block, std::uint32_t r) const { return field_of(frame.raw, kRawFields, raw_groups_, raw_lane(block), r); }
 
     Buffer<BodyConstants<S>> constants_;
     Buffer<S> velocity_, iterate_, displacement_, mass_, mass_cross_, slots_;
