@@ -5,7 +5,7 @@ import re
 import subprocess
 from pathlib import Path
 
-ALLOWED = re.compile(r"^(libc|libm|libpthread|libdl|ld-linux[a-z0-9-]*)\.so")
+ALLOWED = re.compile(r"^(libc|libm|libpthread|libdl|librt|ld-linux[a-z0-9-]*)\.so")
 
 
 def run(*command: str) -> str:

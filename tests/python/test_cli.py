@@ -27,7 +27,9 @@ def test_lists() -> None:
     assert all(f"\n{name} " in "\n" + listed.stdout for name in SCENES)
     listed = cairn("methods")
     assert all(f"\n{name} " in listed.stdout for name in METHODS)
-    assert "commit" in cairn("info").stdout
+    told = cairn("info").stdout
+    assert "commit" in told
+    assert "\ncuda " in told
     assert cairn("--version").stdout.startswith("cairn 0.")
 
 

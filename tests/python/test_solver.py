@@ -327,6 +327,7 @@ def test_info() -> None:
     facts = cairn.info()
     assert facts["version"] == cairn.__version__
     assert facts["abi_version"] == 1
+    assert "CUDA" in str(facts["cuda"])  # present and its version, or what is missing
     assert facts["instructions"] in ("scalar", "sse2", "avx2", "avx512")
 
 

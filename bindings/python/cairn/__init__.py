@@ -13,6 +13,7 @@
 run and judge whole scenes. The command line is `cairn --help`.
 """
 
+from . import _cairn
 from .solver import METHODS, PRESETS, Error, Params, Solver, info, joint_axes, preset
 from .tables import (
     AT_END_POSE,
@@ -31,7 +32,7 @@ from .tables import (
     Rows,
 )
 
-__version__ = str(info()["version"])
+__version__ = _cairn.version
 
 __all__ = [
     "AT_END_POSE", "DRIVEN", "FREE", "LIMITED", "LOCKED", "METHODS", "NO_GYROSCOPIC", "PRESETS", "ROUND_A", "ROUND_B",

@@ -3,6 +3,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+version: str  # without the look for a GPU that info() takes
+
 class Error(RuntimeError):
     status: int
 
