@@ -4,6 +4,7 @@
 #include "check_step.h"
 #include "config.h"
 #include "cpu/fp_env.h"
+#include "gpu/device.h"
 #include "params.h"
 #include "solver.h"
 #include "struct_size.h"
@@ -12,6 +13,7 @@
 #include <memory>
 #include <span>
 #include <stdexcept>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -36,6 +38,7 @@ static_assert(sizeof(cairn_view) == 8 + sizeof(void*) + 8, "the layout of a view
 static_assert(CAIRN_F32 == static_cast<std::uint32_t>(cairn::Type::f32) && CAIRN_U64 == static_cast<std::uint32_t>(cairn::Type::u64));
 static_assert(CAIRN_ISA_AUTO == static_cast<std::uint32_t>(cairn::Isa::automatic) &&
               CAIRN_ISA_AVX512 == static_cast<std::uint32_t>(cairn::Isa::avx512));
+static_assert(CAIRN_BACKEND_CUDA == static_cast<std::uint32_t>(cairn::Backend::cuda));
 static_assert(CAIRN_METHOD_COUNT == cairn::kMethodCount && CAIRN_METHOD_TJSOFT == static_cast<std::uint32_t>(cairn::Method::tjsoft));
 static_assert(CAIRN_PRESET_PAPER == static_cast<std::uint32_t>(cairn::Preset::paper));
 static_assert(CAIRN_SPLIT_MANIFOLD == static_cast<std::uint32_t>(cairn::Splitting::manifold));
@@ -84,7 +87,8 @@ cairn_statistics to_c(const cairn::Statistics& s) {
     c.rotation_clamped = s.rotation_clamped;
     c.threads = s.threads;
     c.instructions = static_cast<std::uint32_t>(s.isa);
-    c.backend = CAIRN_BACKEND_CPU;
+    c.backend = static_cast<std::uint32_t>(s.backend);
+    c.executor = s.executor;
     c.time_total = s.time_total;
     c.time_pack = s.time_pack;
     c.time_build = s.time_build;
@@ -94,6 +98,8 @@ cairn_statistics to_c(const cairn::Statistics& s) {
     c.time_finish = s.time_finish;
     c.kinetic_energy_change = s.kinetic_energy_change;
     c.residual = s.residual;
+    c.time_upload = s.time_upload;
+    c.time_download = s.time_download;
     return c;
 }
 
@@ -130,6 +136,7 @@ const char* cairn_method_name(uint32_t method) { return method < cairn::kMethodC
 
 cairn_status cairn_get_info(cairn_info* info) {
     return guarded([&] {
+        static const std::string& cuda = *new std::string(cairn::gpu::cuda_state()); // never deleted: callers keep the pointer
         cairn_info filled = {};
         filled.abi_version = CAIRN_ABI_VERSION;
         filled.version[0] = CAIRN_VERSION_MAJOR;
@@ -137,7 +144,7 @@ cairn_status cairn_get_info(cairn_info* info) {
         filled.version[2] = CAIRN_VERSION_PATCH;
         filled.instructions = static_cast<std::uint32_t>(cairn::Solver::widest());
         filled.build = CAIRN_BUILD;
-        filled.cuda = "this build has no CUDA backend";
+        filled.cuda = cuda.c_str();
         write_struct(info, filled);
     });
 }

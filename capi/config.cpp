@@ -1,6 +1,10 @@
 #include "config.h"
 
+#include "gpu/device.h"
 #include "struct_size.h"
+
+#include <cstdlib>
+#include <cstring>
 
 namespace cairn::capi {
 
@@ -26,16 +30,32 @@ void check_instructions(const cairn_config& config) {
 
 } // namespace
 
+namespace {
+
+// What CAIRN_BACKEND_AUTO stands for. An environment variable, so that a program can be tried on a GPU as it is.
+Backend backend_of(const cairn_config& config) {
+    if (config.backend != CAIRN_BACKEND_AUTO)
+        return static_cast<Backend>(config.backend);
+    const char* const wish = std::getenv("CAIRN_BACKEND");
+    if (wish == nullptr || *wish == '\0' || std::strcmp(wish, "auto") == 0 || std::strcmp(wish, "cpu") == 0)
+        return Backend::cpu;
+    if (std::strcmp(wish, "cuda") != 0)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "the environment variable CAIRN_BACKEND is \"%.100s\": must be auto, cpu or cuda", wish);
+    if (config.precision == 64 || config.instructions != CAIRN_ISA_AUTO)
+        return Backend::cpu; // what only the CPU has was asked for
+    return Backend::cuda;
+}
+
+} // namespace
+
 Config check_config(const cairn_config* given) {
-    if (given == nullptr)
-        return Config{};
-    const cairn_config config = read_struct(given, cairn_config{});
+    const cairn_config config = given == nullptr ? cairn_config{} : read_struct(given, cairn_config{});
     if (config.backend > CAIRN_BACKEND_CUDA)
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.backend is %u: must be one of CAIRN_BACKEND_..., 0 ... %u", config.backend,
                CAIRN_BACKEND_CUDA);
-    if (config.backend == CAIRN_BACKEND_CUDA)
-        refuse(CAIRN_ERROR_UNSUPPORTED,
-               "config.backend is CAIRN_BACKEND_CUDA, but this build has no CUDA backend: use CAIRN_BACKEND_AUTO or _CPU");
+    if (config.executor > CAIRN_EXECUTOR_GRAPH)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.executor is %u: must be one of CAIRN_EXECUTOR_..., 0 ... %u", config.executor,
+               CAIRN_EXECUTOR_GRAPH);
     if (config.threads > kMostThreads)
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.threads is %u: must be 1 ... %u, or 0 for as many as the process may use",
                config.threads, kMostThreads);
@@ -47,7 +67,20 @@ Config check_config(const cairn_config* given) {
     if ((config.allocate == nullptr) != (config.release == nullptr))
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.%s is NULL, but config.%s is not: pass both or neither",
                config.allocate == nullptr ? "allocate" : "release", config.allocate == nullptr ? "release" : "allocate");
+    if (config.reserved_2 != 0)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.reserved_2 is %u: must be 0", config.reserved_2);
+    const Backend backend = backend_of(config);
+    if (backend == Backend::cuda) {
+        const char* const asker =
+            config.backend == CAIRN_BACKEND_CUDA ? "config.backend is CAIRN_BACKEND_CUDA" : "CAIRN_BACKEND=cuda is set";
+        if (config.precision == 64)
+            refuse(CAIRN_ERROR_UNSUPPORTED, "%s, but precision 64 runs on the CPU only: use precision 32, or CAIRN_BACKEND_CPU", asker);
+        if (!gpu::available())
+            refuse(CAIRN_ERROR_UNSUPPORTED, "%s, but %s. Use CAIRN_BACKEND_AUTO or _CPU", asker, gpu::cuda_state().c_str());
+    }
     Config checked;
+    checked.backend = backend;
+    checked.executor = config.executor;
     checked.threads = config.threads;
     checked.isa = static_cast<Isa>(config.instructions);
     checked.double_precision = config.precision == 64;

@@ -39,6 +39,8 @@ cairn_status status_of_current_exception() noexcept {
         return keep(CAIRN_ERROR_NOT_FINITE, "", error.what());
     } catch (const Unsupported& error) {
         return keep(CAIRN_ERROR_UNSUPPORTED, "", error.what());
+    } catch (const OutOfDeviceMemory& error) {
+        return keep(CAIRN_ERROR_OUT_OF_MEMORY, "", error.what());
     } catch (const std::bad_alloc&) {
         return keep(CAIRN_ERROR_OUT_OF_MEMORY, "", "out of memory: nothing was changed, and the solver stays usable");
     } catch (const std::exception& error) {

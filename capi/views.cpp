@@ -64,8 +64,8 @@ Extent check_view(const cairn_view& view, const Demand& demand) {
     if (!fits(view.type, demand.kind))
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "%s.%s: type is %u, must be %s", table, field, view.type, names_of(demand.kind));
     if (view.device == CAIRN_DEVICE)
-        refuse(CAIRN_ERROR_UNSUPPORTED, "%s.%s: device is CAIRN_DEVICE, but this build has no CUDA backend: pass host memory (CAIRN_HOST)",
-               table, field);
+        refuse(CAIRN_ERROR_UNSUPPORTED,
+               "%s.%s: device is CAIRN_DEVICE, which this version does not read yet: pass host memory (CAIRN_HOST)", table, field);
     if (view.device != CAIRN_HOST)
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "%s.%s: device is %u, must be CAIRN_HOST (0)", table, field, view.device);
     if (demand.count == 0)

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <new>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -13,6 +14,7 @@
 
 namespace cairn {
 
+enum class Backend : std::uint32_t { automatic, cpu, cuda };
 enum class Isa : std::uint32_t { automatic, scalar, sse2, avx2, avx512 };
 
 // The hooks are cairn_config's.
@@ -28,6 +30,8 @@ struct Config {
     std::uint32_t threads = 0; // 0: as many as the process may use
     Isa isa = Isa::automatic;
     bool double_precision = false;
+    Backend backend = Backend::automatic;
+    std::uint32_t executor = 0; // CAIRN_EXECUTOR_...: how a device runs the schedule
     Hooks hooks;
 };
 
@@ -36,6 +40,9 @@ struct Statistics {
     std::uint32_t position_iterations = 0, relax_iterations = 0, restitution_iterations = 0, warm_started = 0, rotation_clamped = 0;
     std::uint32_t threads = 0;
     Isa isa = Isa::scalar;
+    Backend backend = Backend::cpu;
+    std::uint32_t executor = 0;
+    double time_upload = 0, time_download = 0;
     double time_total = 0, time_pack = 0, time_build = 0, time_sweep = 0, time_position = 0, time_integrate = 0, time_finish = 0;
     double kinetic_energy_change = 0, residual = 0;
 };
@@ -47,6 +54,14 @@ struct NotFinite : std::runtime_error {
 // An instruction set that the processor lacks.
 struct Unsupported : std::runtime_error {
     using std::runtime_error::runtime_error;
+};
+// A device's memory, or the pinned memory to reach it, does not suffice: what() says how much was asked for.
+struct OutOfDeviceMemory : std::bad_alloc {
+    OutOfDeviceMemory(const char* kind, std::size_t bytes)
+        : text(std::string("out of ") + kind + " memory: " + std::to_string(bytes) +
+               " bytes were asked for; nothing was changed, and the solver stays usable") {}
+    const char* what() const noexcept override { return text.c_str(); }
+    std::string text;
 };
 
 class Solver {

@@ -1,6 +1,8 @@
 // The CPU's executor: stages over SIMD lanes and threads.
 #include "../solver.h"
 
+#include "../../gpu/solver.h"
+
 #include "../method/counts.h"
 #include "../method/schedule.h"
 #include "../scene/scene.h"
@@ -8,7 +10,7 @@
 #include "pool.h"
 
 #include <chrono>
-#include <cmath>
+#include <numeric>
 
 namespace cairn {
 
@@ -109,8 +111,9 @@ template <class S> class SolverOf final : public Solver {
         now.islands = f.island_count;
         now.substeps = plan.substeps;
         count_sweeps(plan, counted, f.control, f.island_count, now);
-        for (std::uint32_t i = 0; i < f.body_count; ++i)
-            now.kinetic_energy_change += f.energy_change[i];
+        for (std::uint32_t chunk = 0; chunk < f.body_count; chunk += kEnergyChunk)
+            now.kinetic_energy_change +=
+                std::accumulate(f.energy_change + chunk, f.energy_change + std::min(chunk + kEnergyChunk, f.body_count), 0.0);
         now.warm_started = scene_.warm_started;
         for (std::uint32_t i = 0; i < f.body_count; ++i)
             now.rotation_clamped += f.rotation_clamped[i];
@@ -186,6 +189,10 @@ Isa Solver::widest() {
 }
 
 std::unique_ptr<Solver> Solver::create(const Config& config) {
+#ifdef CAIRN_CUDA
+    if (config.backend == Backend::cuda)
+        return gpu::create_solver(config);
+#endif
     if (config.double_precision)
         return std::make_unique<SolverOf<double>>(config, Isa::scalar, kernels_f64::run_stage);
     const Isa isa = config.isa == Isa::automatic ? widest() : config.isa;

@@ -41,6 +41,7 @@ inline Plan plan_of(const Params& params, bool constrained, bool bounces) {
     return plan;
 }
 
+CAIRN_HD_OF_ITS_ARGUMENT
 template <class Executor> CAIRN_HD void solve_velocities(Executor& run, Phase phase, std::uint32_t sweeps, bool stops) {
     auto& f = run.frame;
     f.phase = phase;
@@ -64,6 +65,7 @@ template <class Executor> CAIRN_HD void solve_velocities(Executor& run, Phase ph
     }
 }
 
+CAIRN_HD_OF_ITS_ARGUMENT
 template <class Executor> CAIRN_HD void solve_positions(Executor& run, std::uint32_t sweeps) {
     for (std::uint32_t i = 0; i < sweeps; ++i) {
         run.each(Stage::position_sweep);
@@ -71,6 +73,7 @@ template <class Executor> CAIRN_HD void solve_positions(Executor& run, std::uint
     }
 }
 
+CAIRN_HD_OF_ITS_ARGUMENT
 template <class Executor> CAIRN_HD void run_schedule(Executor& run, const Plan& plan) {
     run.each(Stage::inertia);
     if (plan.bounces) {

@@ -20,6 +20,8 @@ class KeyedValues {
     const double* find(std::uint64_t key) const;
     void clear();
     std::size_t size() const { return keys_.size(); }
+    std::span<const std::uint64_t> keys() const { return keys_; }
+    std::span<const double> values() const { return values_; } // `width` a key
 
     void save(std::vector<std::byte>& to) const;
     // Throws std::invalid_argument if the bytes are not what save() wrote; returns what follows.

@@ -175,6 +175,9 @@ template <class S> struct BodyConstants {
     bool movable, gyroscopic;
 };
 
+// The bodies' energies are added up this many at a time, in the order of the input, then the sums.
+constexpr std::uint32_t kEnergyChunk = 256;
+
 // One island's state of the iteration.
 template <class S> struct Control {
     S t, beta, active, residual; // Nesterov's t and momentum; 1 or 0; squared residual of the last sweep

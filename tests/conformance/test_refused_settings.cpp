@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstddef>
+#include <cstdlib>
 #include <cstring>
 #include <limits>
 #include <string>
@@ -144,8 +145,28 @@ TEST_F(RefusedSettings, Configuration) {
     EXPECT_EQ(status([](cairn_config& c) { c.precision = 32; }), CAIRN_OK);
     EXPECT_EQ(status([](cairn_config& c) { c.precision = 64; }), CAIRN_OK);
     EXPECT_EQ(status([](cairn_config& c) { c.instructions = CAIRN_ISA_SCALAR; }), CAIRN_OK);
-    EXPECT_EQ(status([](cairn_config& c) { c.backend = CAIRN_BACKEND_CUDA; }), CAIRN_ERROR_UNSUPPORTED);
-    EXPECT_TRUE(says("no CUDA backend")) << cairn_last_error();
+    cairn_info info = {};
+    info.struct_size = sizeof info;
+    ASSERT_EQ(cairn_get_info(&info), CAIRN_OK);
+    const auto on_cuda = [](cairn_config& c) { c.backend = CAIRN_BACKEND_CUDA; };
+    if (std::string(info.cuda).rfind("present", 0) == 0) {
+        EXPECT_EQ(status(on_cuda), CAIRN_OK);
+    } else {
+        EXPECT_EQ(status(on_cuda), CAIRN_ERROR_UNSUPPORTED);
+        EXPECT_TRUE(says("config.backend is CAIRN_BACKEND_CUDA, but ") && says(info.cuda) && says("CAIRN_BACKEND_AUTO"))
+            << cairn_last_error();
+    }
+    ASSERT_EQ(setenv("CAIRN_BACKEND", "gpu", 1), 0);
+    EXPECT_EQ(status([](cairn_config&) {}), CAIRN_ERROR_INVALID_ARGUMENT);
+    EXPECT_TRUE(says("CAIRN_BACKEND is \"gpu\"")) << cairn_last_error();
+    EXPECT_EQ(status([](cairn_config& c) { c.backend = CAIRN_BACKEND_CPU; }), CAIRN_OK); // who asks is not overruled
+    ASSERT_EQ(setenv("CAIRN_BACKEND", "cuda", 1), 0);
+    EXPECT_EQ(status([](cairn_config& c) { c.precision = 64; }), CAIRN_OK);
+    EXPECT_EQ(status([](cairn_config&) {}), status(on_cuda));
+    ASSERT_EQ(unsetenv("CAIRN_BACKEND"), 0);
+    EXPECT_EQ(status([](cairn_config& c) { c.executor = 4; }), CAIRN_ERROR_INVALID_ARGUMENT);
+    EXPECT_TRUE(says("config.executor is 4")) << cairn_last_error();
+    EXPECT_EQ(status([](cairn_config& c) { c.reserved_2 = 1; }), CAIRN_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(status([](cairn_config& c) { c.backend = 3; }), CAIRN_ERROR_INVALID_ARGUMENT);
     EXPECT_TRUE(says("config.backend is 3")) << cairn_last_error();
     EXPECT_EQ(status([](cairn_config& c) { c.threads = 1025; }), CAIRN_ERROR_INVALID_ARGUMENT);
@@ -160,9 +181,6 @@ TEST_F(RefusedSettings, Configuration) {
     EXPECT_TRUE(says("config.release is NULL")) << cairn_last_error();
     EXPECT_EQ(status([](cairn_config& c) { c.struct_size = 5000; }), CAIRN_ERROR_STRUCT_SIZE);
     EXPECT_EQ(cairn_solver_create(nullptr, nullptr), CAIRN_ERROR_INVALID_ARGUMENT);
-    cairn_info info = {};
-    info.struct_size = sizeof info;
-    ASSERT_EQ(cairn_get_info(&info), CAIRN_OK);
     for (std::uint32_t isa = 1; isa <= CAIRN_ISA_AVX512; ++isa)
         EXPECT_EQ(status([isa](cairn_config& c) { c.instructions = isa; }), isa <= info.instructions ? CAIRN_OK : CAIRN_ERROR_UNSUPPORTED);
 }

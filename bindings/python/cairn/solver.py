@@ -17,6 +17,7 @@ METHODS = tuple(_cairn.method_names())
 PRESETS = ("default", "paper")
 INSTRUCTIONS = ("auto", "scalar", "sse2", "avx2", "avx512")
 BACKENDS = ("auto", "cpu", "cuda")
+EXECUTORS = ("none", "block", "grid", "graph")  # how a device runs the schedule; none: it ran on the CPU
 NOT_FINITE = 7  # an Error's status: the solve left the range of numbers
 SAME_AS_SWEEPS = 0xFFFFFFFF  # for restitution_iterations: the sweeps of a substep
 
@@ -204,6 +205,7 @@ class Solver:
         values: dict[str, float | str] = dict(self._solver.statistics())
         values["instructions"] = INSTRUCTIONS[int(values["instructions"])]
         values["backend"] = BACKENDS[int(values["backend"])]
+        values["executor"] = EXECUTORS[int(values["executor"])]
         return values
 
     @property

@@ -62,6 +62,7 @@ constexpr Number<cairn_statistics> kStatistics[] = {
     number("threads", &cairn_statistics::threads),
     number("instructions", &cairn_statistics::instructions),
     number("backend", &cairn_statistics::backend),
+    number("executor", &cairn_statistics::executor),
     number("time_total", &cairn_statistics::time_total),
     number("time_pack", &cairn_statistics::time_pack),
     number("time_build", &cairn_statistics::time_build),
@@ -71,6 +72,8 @@ constexpr Number<cairn_statistics> kStatistics[] = {
     number("time_finish", &cairn_statistics::time_finish),
     number("kinetic_energy_change", &cairn_statistics::kinetic_energy_change),
     number("residual", &cairn_statistics::residual),
+    number("time_upload", &cairn_statistics::time_upload),
+    number("time_download", &cairn_statistics::time_download),
 };
 
 template <class Struct, std::size_t N> py::dict to_dict(const Struct& values, const Number<Struct> (&numbers)[N]) {
@@ -230,12 +233,16 @@ class Solver {
     std::mutex mutex_;
 };
 
+std::string version_text(const std::uint32_t (&version)[3]) {
+    return std::to_string(version[0]) + "." + std::to_string(version[1]) + "." + std::to_string(version[2]);
+}
+
 py::dict info() {
     cairn_info info = {};
     info.struct_size = sizeof info;
     check(cairn_get_info(&info));
     py::dict dict;
-    dict["version"] = std::to_string(info.version[0]) + "." + std::to_string(info.version[1]) + "." + std::to_string(info.version[2]);
+    dict["version"] = version_text(info.version);
     dict["abi_version"] = info.abi_version;
     dict["instructions"] = info.instructions;
     dict["build"] = info.build;
@@ -284,6 +291,7 @@ PYBIND11_MODULE(_cairn, module) {
         }
     });
 
+    module.attr("version") = version_text({CAIRN_VERSION_MAJOR, CAIRN_VERSION_MINOR, CAIRN_VERSION_PATCH});
     module.def("info", &info);
     module.def("method_names", &method_names);
     module.def("preset", &preset, py::arg("method"), py::arg("preset"));

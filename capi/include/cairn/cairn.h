@@ -272,9 +272,15 @@ typedef struct cairn_params {
 /* ---- Solver ------------------------------------------------------------------------------------------------------ */
 typedef struct cairn_solver cairn_solver;
 
-#define CAIRN_BACKEND_AUTO 0u
+#define CAIRN_BACKEND_AUTO 0u /* the CPU, unless the environment variable CAIRN_BACKEND says "cuda" and precision is 32 */
 #define CAIRN_BACKEND_CPU 1u
 #define CAIRN_BACKEND_CUDA 2u
+
+/* How the CUDA backend runs the schedule. Results do not depend on it. */
+#define CAIRN_EXECUTOR_AUTO 0u  /* by the size of the largest set of tied bodies and of the whole */
+#define CAIRN_EXECUTOR_BLOCK 1u /* a CUDA block for every few islands, the whole step in one launch: many small islands or worlds */
+#define CAIRN_EXECUTOR_GRID 2u  /* all of the device (or one cluster of it) in one launch, a barrier between stages */
+#define CAIRN_EXECUTOR_GRAPH 3u /* a kernel a stage, replayed as a CUDA graph: large scenes */
 
 #define CAIRN_ISA_AUTO 0u /* the widest that the processor has */
 #define CAIRN_ISA_SCALAR 1u
@@ -303,8 +309,10 @@ typedef struct cairn_config {
     void *user;            /* handed to every hook */
     cairn_log log;         /* optional */
     cairn_parallel_for parallel_for; /* optional: else Cairn's own threads */
-    cairn_allocate allocate;         /* optional, with release: for the solver's large arrays */
+    cairn_allocate allocate;         /* optional, with release: for the solver's large arrays on the host */
     cairn_release release;
+    uint32_t executor;   /* CAIRN_EXECUTOR_..., for the CUDA backend */
+    uint32_t reserved_2; /* 0 */
 } cairn_config;
 
 /* What the last step did. Times are wall-clock seconds. */
@@ -326,16 +334,18 @@ typedef struct cairn_statistics {
     uint32_t threads;
     uint32_t instructions;        /* CAIRN_ISA_... used */
     uint32_t backend;             /* CAIRN_BACKEND_... used */
-    uint32_t reserved;
+    uint32_t executor;            /* CAIRN_EXECUTOR_... used, 0 on the CPU */
     double time_total;
-    double time_pack;             /* check, gather, order, match the cache */
+    double time_pack;             /* check, gather, order, match the cache; on a device the first two are in time_total alone */
     double time_build;            /* rows and effective masses */
-    double time_sweep;            /* velocity sweeps */
+    double time_sweep;            /* velocity sweeps; on a device the whole schedule, which is not taken apart there */
     double time_position;         /* position sweeps */
     double time_integrate;        /* forces and poses */
     double time_finish;           /* restitution, relaxation, cache, write back */
     double kinetic_energy_change; /* J: sum over substeps of the energy after the sweeps - before them (after forces) */
     double residual;              /* of the last sweep: |step of lambda| in the metric of D, sqrt(J); 0 unless traced */
+    double time_upload;           /* sending tables to the device, 0 on the CPU */
+    double time_download;         /* fetching results from it */
 } cairn_statistics;
 
 typedef struct cairn_info {

@@ -1,0 +1,18 @@
+// From the tables to the layout, on the device: who is movable, blocks, islands, tiles, lanes, slots, and each element's numbers.
+#pragma once
+#include "layout.h"
+
+namespace cairn::gpu {
+
+// How much of each table there is this time.
+struct Counts {
+    u32 bodies, contacts, joints, rows;
+};
+
+// Bytes that the sorts and scans of a layout of this capacity need beside their arrays.
+std::size_t pack_scratch(const Capacity& capacity);
+
+// Queues the whole of it; layout.request must have been sent. What it finds is in layout.report.
+void pack(const Layout& layout, const Counts& counts, const Memories& last, bool trace, cudaStream_t stream);
+
+} // namespace cairn::gpu
