@@ -72,7 +72,7 @@ typedef int32_t cairn_status;
 #define CAIRN_U64 4u
 
 #define CAIRN_HOST 0u
-#define CAIRN_DEVICE 1u /* memory of the solver's CUDA device */
+#define CAIRN_DEVICE 1u /* memory of the solver's CUDA device; this version refuses it */
 
 /* An array of the caller's: `count` elements (count is the table's), each of the number of components that the field's
  * comment gives in [brackets], those components adjacent. Fields of one array of structs may interleave, and a result
