@@ -3,6 +3,7 @@
 #include "solver.h"
 
 #include "../core/method/counts.h"
+#include "../core/scene/pack.h"
 #include "../core/scene/settings.h"
 #include "cache.h"
 #include "device.h"
@@ -10,8 +11,6 @@
 #include "finish.h"
 #include "pack.h"
 #include "tables.h"
-
-#include "../core/scene/pack.h"
 
 #include <chrono>
 #include <cstring>

@@ -48,8 +48,7 @@ void DeviceTable::send(const Part* parts, std::size_t part_count, std::size_t co
         to = {buffer_.data() + at, static_cast<std::ptrdiff_t>(bytes), from.type};
         at += padded(count * bytes);
     }
-    bytes_sent_ = known ? 0 : size;
-    if (bytes_sent_ > 0)
+    if (!known && size > 0)
         check(cudaMemcpyAsync(buffer_.data(), staging.data(), size, cudaMemcpyHostToDevice, stream), "sending a table");
     revision_ = revision;
     shape_ = shape;

@@ -16,20 +16,17 @@ class DeviceTable {
     };
     // Fills `to` with columns on the device and queues the copy; `staging` must live until it has happened.
     void send(const Part* parts, std::size_t part_count, std::size_t count, u64 revision, Buffer<Pinned>& staging, cudaStream_t stream);
-    u64 bytes_sent() const { return bytes_sent_; }
 
   private:
     Buffer<OnDevice> buffer_;
     u64 revision_ = 0; // 0: what is there must not be used again
     u64 shape_ = 0;    // a hash of the columns' presence, types and count
-    u64 bytes_sent_ = 0;
 };
 
 class DeviceTables {
   public:
     // `to`: the same input with columns on the device.
     void send(const Input& input, Input& to, cudaStream_t stream);
-    u64 bytes_sent() const { return bodies_.bytes_sent() + contacts_.bytes_sent() + joints_.bytes_sent() + rows_.bytes_sent(); }
 
   private:
     DeviceTable bodies_, contacts_, joints_, rows_;
@@ -44,7 +41,6 @@ class DeviceResults {
     void fetch(cudaStream_t stream);
     // After the copies have happened. `written(i)`: whether body i's results were.
     template <class Written> void deliver(const Written& written) const;
-    u64 bytes_fetched() const { return size_; }
 
   private:
     struct Part {
