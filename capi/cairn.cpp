@@ -30,6 +30,7 @@ struct cairn_solver {
 
     std::unique_ptr<cairn::Solver> core;
     KeySet keys;
+    bool in_flight = false; // between cairn_solver_step_async and _wait
 };
 
 namespace {
@@ -46,9 +47,16 @@ static_assert(CAIRN_FRICTION_PYRAMID == static_cast<std::uint32_t>(cairn::Fricti
 static_assert(CAIRN_ACCELERATION_NESTEROV == static_cast<std::uint32_t>(cairn::Acceleration::nesterov));
 static_assert(CAIRN_SAME_AS_SWEEPS == cairn::kSameAsSweeps);
 
-template <class Solver> auto& core_of(Solver* solver) {
+void check_solver(const cairn_solver* solver) {
     if (solver == nullptr)
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "solver is NULL: make one with cairn_solver_create");
+}
+
+// For every call that must not meet a step in flight.
+template <class Solver> auto& core_of(Solver* solver) {
+    check_solver(solver);
+    if (solver->in_flight)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "solver has a step in flight: call cairn_solver_wait first");
     return *solver->core;
 }
 
@@ -68,6 +76,25 @@ void copy_out(const void* from, std::size_t count, std::size_t element, void* to
         refuse(CAIRN_ERROR_BUFFER_TOO_SMALL, "capacity is %zu, but there are %zu %s", capacity, count, name);
     if (count > 0)
         std::memcpy(to, from, count * element);
+}
+
+void begin(cairn_solver* solver, const cairn_step* step, const cairn_results* results) {
+    cairn::Solver& core = core_of(solver);
+    const cairn::FpEnvironment environment; // the checks compute too
+    cairn::Input input;
+    cairn::Output output;
+    check_step(step, results, core.device(), solver->keys, input, output);
+    core.begin(input, output);
+}
+
+void finish(cairn_solver* solver) {
+    const cairn::FpEnvironment environment;
+    try {
+        solver->core->finish();
+    } catch (const cairn::RefusedOnDevice& refused) {
+        check_elements(refused.input, solver->keys, true); // the same text as for host memory
+        throw;
+    }
 }
 
 cairn_statistics to_c(const cairn::Statistics& s) {
@@ -184,7 +211,10 @@ cairn_status cairn_solver_create(const cairn_config* config, cairn_solver** solv
 void cairn_solver_destroy(cairn_solver* solver) { delete solver; }
 
 cairn_status cairn_solver_set_params(cairn_solver* solver, const cairn_params* params) {
-    return guarded([&] { core_of(solver).params = check_params(params); });
+    return guarded([&] {
+        cairn::Solver& core = core_of(solver);
+        core.params = check_params(params);
+    });
 }
 
 cairn_status cairn_solver_get_params(const cairn_solver* solver, cairn_params* params) {
@@ -193,12 +223,24 @@ cairn_status cairn_solver_get_params(const cairn_solver* solver, cairn_params* p
 
 cairn_status cairn_solver_step(cairn_solver* solver, const cairn_step* step, const cairn_results* results) {
     return guarded([&] {
-        cairn::Solver& core = core_of(solver);
-        const cairn::FpEnvironment environment; // the checks compute too
-        cairn::Input input;
-        cairn::Output output;
-        check_step(step, results, solver->keys, input, output);
-        core.step(input, output);
+        begin(solver, step, results);
+        finish(solver);
+    });
+}
+
+cairn_status cairn_solver_step_async(cairn_solver* solver, const cairn_step* step, const cairn_results* results) {
+    return guarded([&] {
+        begin(solver, step, results);
+        solver->in_flight = true;
+    });
+}
+
+cairn_status cairn_solver_wait(cairn_solver* solver) {
+    return guarded([&] {
+        check_solver(solver);
+        if (!std::exchange(solver->in_flight, false))
+            return;
+        finish(solver);
     });
 }
 
@@ -264,6 +306,8 @@ const cairn_api* cairn_get_api(uint32_t abi_version) {
         cairn_solver_reset,
         cairn_solver_save_cache,
         cairn_solver_load_cache,
+        cairn_solver_step_async,
+        cairn_solver_wait,
     };
     return abi_version == CAIRN_ABI_VERSION ? &api : nullptr;
 }

@@ -1,6 +1,8 @@
 // Raw rows: their numbers, and the blocks that consecutive rows form.
 #include "check_tables.h"
 
+#include "scene/fields.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,7 +11,6 @@ namespace cairn::capi {
 
 namespace {
 
-constexpr double kLargest = std::numeric_limits<double>::max();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kRowsPerBlock = 6;
 
@@ -86,12 +87,8 @@ void check_row_part(const RowColumns& columns, std::size_t bodies, KeySet& keys,
         return Array{column, "rows", field, first, end, components};
     };
     check_pairs(array(columns.body_a, "body_a"), array(columns.body_b, "body_b"), bodies);
-    check_finite(array(columns.jacobian_a, "jacobian_a", 6));
-    check_finite(array(columns.jacobian_b, "jacobian_b", 6));
-    check_finite(array(columns.rhs, "rhs"));
+    check_rules(columns, "rows", kRowTable, first, end);
     check_bounds(array(columns.lower, "lower"), array(columns.upper, "upper"));
-    check_range(array(columns.compliance, "compliance"), 0, kLargest, ">= 0");
-    check_range(array(columns.friction, "friction"), 0, kLargest, ">= 0");
     keys.add(array(columns.key, "key"));
 }
 

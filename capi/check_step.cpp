@@ -3,8 +3,9 @@
 #include "check_step.h"
 
 #include "check_tables.h"
+#include "scene/fields.h"
 #include "struct_size.h"
-#include "tables.h"
+#include "views.h"
 
 #include <cmath>
 #include <limits>
@@ -27,8 +28,8 @@ template <std::size_t Capacity> struct Extents {
             all[count++] = extent;
     }
 };
-using Inputs = Extents<kBodyFields.size() + kContactFields.size() + kJointFields.size() + kRowFields.size()>;
-using Outputs = Extents<kResultFields.size()>;
+using Inputs = Extents<kBodyTable.size() + kContactTable.size() + kJointTable.size() + kRowTable.size()>;
+using Outputs = Extents<kResultTable.size()>;
 
 // A copy of the caller's table, all zero (no elements) where there is none.
 template <class Table> Table read_table(const Table* given, const char* name) {
@@ -41,17 +42,20 @@ template <class Table> Table read_table(const Table* given, const char* name) {
 }
 
 template <class Table, class Columns, std::size_t N>
-void take_views(const Table& table, const char* name, const std::array<Field<Table, Columns>, N>& fields, Columns& columns,
+void take_views(const Table& table, const char* name, const std::array<Field<Table, Columns>, N>& fields, Columns& columns, int device,
                 Inputs& inputs) {
     columns = Columns{};
     columns.count = table.count;
     columns.revision = table.revision;
     for (const auto& field : fields) {
         const cairn_view& view = table.*field.view;
-        const Extent extent = check_view(view, {name, field.name, field.kind, field.components, table.count, field.required});
+        const Extent extent = check_view(view, {name, field.name, field.kind, field.components, table.count, field.required, device});
         inputs.add(extent);
-        if (extent.present)
-            columns.*field.column = {static_cast<const std::byte*>(view.data), extent.signed_stride, static_cast<Type>(view.type)};
+        if (!extent.present)
+            continue;
+        const bool on_device = view.device == CAIRN_DEVICE;
+        columns.*field.column = {static_cast<const std::byte*>(view.data), extent.signed_stride, static_cast<Type>(view.type), on_device};
+        columns.on_device = columns.on_device || on_device;
     }
 }
 
@@ -73,14 +77,17 @@ std::size_t count_of(Of of, const Input& input) {
            output.demand.field, other.demand.table, other.demand.field, hint);
 }
 
-void take_results(const cairn_results& results, const cairn_bodies& bodies, const Input& input, const Inputs& inputs, Output& output) {
+void take_results(const cairn_results& results, const cairn_bodies& bodies, const Input& input, const Inputs& inputs, int device,
+                  Output& output) {
     Outputs outputs;
-    for (const ResultField& field : kResultFields) {
+    for (const ResultField& field : kResultTable) {
         const cairn_view& view = results.*field.view;
-        const Extent extent = check_view(view, {"results", field.name, Kind::real, field.components, count_of(field.of, input), false});
+        const Extent extent =
+            check_view(view, {"results", field.name, Kind::real, field.components, count_of(field.of, input), false, device});
         if (!extent.present)
             continue;
-        output.*field.column = {static_cast<std::byte*>(view.data), extent.signed_stride, static_cast<Type>(view.type)};
+        output.*field.column = {static_cast<std::byte*>(view.data), extent.signed_stride, static_cast<Type>(view.type),
+                                view.device == CAIRN_DEVICE};
         const cairn_view* const in_place = field.in_place == nullptr ? nullptr : &(bodies.*field.in_place);
         for (const Extent& other : inputs) {
             if (other.view == in_place && identical(extent, other))
@@ -111,7 +118,7 @@ void check_time_and_gravity(const cairn_step& step) {
 
 } // namespace
 
-void check_step(const cairn_step* given, const cairn_results* given_results, KeySet& keys, Input& input, Output& output) {
+void check_step(const cairn_step* given, const cairn_results* given_results, int device, KeySet& keys, Input& input, Output& output) {
     const cairn_step step = read_struct(given, cairn_step{});
     check_time_and_gravity(step);
     input = Input{};
@@ -125,22 +132,30 @@ void check_step(const cairn_step* given, const cairn_results* given_results, Key
     const cairn_joints joints = read_table(step.joints, "joints");
     const cairn_rows rows = read_table(step.rows, "rows");
     Inputs inputs;
-    take_views(bodies, "bodies", kBodyFields, input.bodies, inputs);
-    take_views(contacts, "contacts", kContactFields, input.contacts, inputs);
-    take_views(joints, "joints", kJointFields, input.joints, inputs);
-    take_views(rows, "rows", kRowFields, input.rows, inputs);
+    take_views(bodies, "bodies", kBodyTable, input.bodies, device, inputs);
+    take_views(contacts, "contacts", kContactTable, input.contacts, device, inputs);
+    take_views(joints, "joints", kJointTable, input.joints, device, inputs);
+    take_views(rows, "rows", kRowTable, input.rows, device, inputs);
 
     if (given_results != nullptr) {
         const cairn_results results = read_struct(given_results, cairn_results{});
         if (results.reserved != 0)
             refuse(CAIRN_ERROR_INVALID_ARGUMENT, "results.reserved is %u: must be 0", results.reserved);
-        take_results(results, bodies, input, inputs, output);
+        take_results(results, bodies, input, inputs, device, output);
     }
 
-    check_bodies(input.bodies);
-    check_contacts(input.contacts, input.bodies.count, keys);
-    check_joints(input.joints, input.bodies.count, keys);
-    check_rows(input.rows, input.bodies.count, keys);
+    check_elements(input, keys, false);
+}
+
+void check_elements(const Input& input, KeySet& keys, bool on_device) {
+    if (input.bodies.on_device == on_device)
+        check_bodies(input.bodies);
+    if (input.contacts.on_device == on_device)
+        check_contacts(input.contacts, input.bodies.count, keys);
+    if (input.joints.on_device == on_device)
+        check_joints(input.joints, input.bodies.count, keys);
+    if (input.rows.on_device == on_device)
+        check_rows(input.rows, input.bodies.count, keys);
 }
 
 } // namespace cairn::capi

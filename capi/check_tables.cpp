@@ -1,5 +1,7 @@
 #include "check_tables.h"
 
+#include "scene/fields.h"
+
 #include <cmath>
 #include <limits>
 
@@ -7,12 +9,10 @@ namespace cairn::capi {
 
 namespace {
 
-constexpr double kLargest = std::numeric_limits<double>::max();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kAxes = 6;
 
-void check_axis_bits(const Array& axes) {
-    check_bits(axes, CAIRN_AXIS_LOCKED | CAIRN_AXIS_LIMITED | CAIRN_AXIS_DRIVEN, "CAIRN_AXIS_LOCKED (1), LIMITED (2) and DRIVEN (4)");
+void check_locked_alone(const Array& axes) {
     for (std::size_t i = axes.first; i < axes.end; ++i)
         for (std::size_t c = 0; c < kAxes; ++c) {
             const auto bits = static_cast<std::uint32_t>(axes.column.integer(i, c));
@@ -58,17 +58,7 @@ void check_body_part(const BodyColumns& columns, std::size_t first, std::size_t 
     const Array inverse_mass = array(columns.inverse_mass, "inverse_mass");
     const Array inverse_inertia = array(columns.inverse_inertia, "inverse_inertia", 3);
     const Array flags = array(columns.flags, "flags");
-    check_finite(array(columns.position, "position", 3));
-    check_unit(array(columns.orientation, "orientation", 4));
-    check_finite(array(columns.linear_velocity, "linear_velocity", 3));
-    check_finite(array(columns.angular_velocity, "angular_velocity", 3));
-    check_range(inverse_mass, 0, kLargest, ">= 0");
-    check_range(inverse_inertia, 0, kLargest, ">= 0");
-    check_finite(array(columns.force, "force", 3));
-    check_finite(array(columns.torque, "torque", 3));
-    check_finite(array(columns.linear_factor, "linear_factor", 3));
-    check_finite(array(columns.angular_factor, "angular_factor", 3));
-    check_bits(flags, CAIRN_BODY_NO_GYROSCOPIC | CAIRN_BODY_AT_END_POSE, "CAIRN_BODY_NO_GYROSCOPIC (1) and CAIRN_BODY_AT_END_POSE (2)");
+    check_rules(columns, "bodies", kBodyTable, first, end);
     if (!flags.present())
         return;
     for (std::size_t i = flags.first; i < flags.end; ++i) {
@@ -90,14 +80,7 @@ void check_contact_part(const ContactColumns& columns, std::size_t bodies, KeySe
         return Array{column, "contacts", field, first, end, components};
     };
     check_pairs(array(columns.body_a, "body_a"), array(columns.body_b, "body_b"), bodies);
-    check_unit(array(columns.normal, "normal", 3));
-    check_finite(array(columns.arm_a, "arm_a", 3));
-    check_finite(array(columns.arm_b, "arm_b", 3));
-    check_finite(array(columns.separation, "separation"));
-    check_range(array(columns.friction, "friction"), 0, kLargest, ">= 0");
-    check_range(array(columns.restitution, "restitution"), 0, 1, "0 ... 1");
-    check_finite(array(columns.tangent, "tangent", 3));
-    check_bits(array(columns.flags, "flags"), CAIRN_CONTACT_ROUND_A | CAIRN_CONTACT_ROUND_B, "CAIRN_CONTACT_ROUND_A (1) and ROUND_B (2)");
+    check_rules(columns, "contacts", kContactTable, first, end);
     keys.add(array(columns.key, "key"));
 }
 
@@ -109,11 +92,8 @@ void check_joint_part(const JointColumns& columns, std::size_t bodies, KeySet& k
     const Array lower = array(columns.lower, "lower", kAxes), upper = array(columns.upper, "upper", kAxes);
     const Array speed = array(columns.motor_speed, "motor_speed", kAxes), force = array(columns.motor_force, "motor_force", kAxes);
     check_pairs(array(columns.body_a, "body_a"), array(columns.body_b, "body_b"), bodies);
-    check_finite(array(columns.anchor_a, "anchor_a", 3));
-    check_finite(array(columns.anchor_b, "anchor_b", 3));
-    check_unit(array(columns.frame_a, "frame_a", 4));
-    check_unit(array(columns.frame_b, "frame_b", 4));
-    check_axis_bits(axes);
+    check_rules(columns, "joints", kJointTable, first, end);
+    check_locked_alone(axes);
     for (std::size_t i = first; i < end; ++i)
         for (std::size_t c = 0; c < kAxes; ++c) {
             const auto bits = static_cast<std::uint32_t>(axes.column.integer(i, c));

@@ -70,6 +70,8 @@ Config check_config(const cairn_config* given) {
     if (config.reserved_2 != 0)
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.reserved_2 is %u: must be 0", config.reserved_2);
     const Backend backend = backend_of(config);
+    if (config.stream != nullptr && backend != Backend::cuda)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "config.stream is set, but the solver would run on the CPU: pass CAIRN_BACKEND_CUDA with it");
     if (backend == Backend::cuda) {
         const char* const asker =
             config.backend == CAIRN_BACKEND_CUDA ? "config.backend is CAIRN_BACKEND_CUDA" : "CAIRN_BACKEND=cuda is set";
@@ -84,6 +86,7 @@ Config check_config(const cairn_config* given) {
     checked.threads = config.threads;
     checked.isa = static_cast<Isa>(config.instructions);
     checked.double_precision = config.precision == 64;
+    checked.stream = config.stream;
     checked.hooks = {config.user, config.log, config.parallel_for, config.allocate, config.release};
     return checked;
 }

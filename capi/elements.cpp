@@ -5,58 +5,6 @@
 
 namespace cairn::capi {
 
-namespace {
-
-constexpr double kUnitTolerance = 1e-3;
-
-// 0 if every component is finite, else NaN: no branch an element.
-template <std::size_t N, class Real> Real finiteness(const Real* values) {
-    Real sum = 0;
-    for (std::size_t c = 0; c < N; ++c)
-        sum += values[c] * Real(0);
-    return sum;
-}
-
-template <std::size_t N> std::size_t first_not_finite(const Array& array) {
-    return first_bad<N>(array, [](const auto* values) { return finiteness<N>(values) == 0; });
-}
-
-[[noreturn]] void refuse_not_finite(const Array& array, std::size_t i) {
-    for (std::size_t c = 0; c < array.components; ++c) {
-        if (std::isfinite(array.column.real(i, c)))
-            continue;
-        if (array.components == 1)
-            refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is %s: must be finite", array.table, array.field, i, value_of(array, i).text);
-        refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu][%zu] is %s: must be finite", array.table, array.field, i, c,
-               value_of(array, i, c).text);
-    }
-    refuse(CAIRN_ERROR_INTERNAL, "%s.%s[%zu]: not finite, but every component is", array.table, array.field, i);
-}
-
-template <std::size_t N> void check_unit_of(const Array& array) {
-    constexpr double low = (1 - kUnitTolerance) * (1 - kUnitTolerance), high = (1 + kUnitTolerance) * (1 + kUnitTolerance);
-    const std::size_t i = first_bad<N>(array, [](const auto* values) {
-        double square = 0;
-        for (std::size_t c = 0; c < N; ++c)
-            square += static_cast<double>(values[c]) * static_cast<double>(values[c]);
-        return square >= low && square <= high;
-    });
-    if (i == array.end)
-        return;
-    double norm = 0;
-    for (std::size_t c = 0; c < N; ++c) {
-        const double value = array.column.real(i, c);
-        if (!std::isfinite(value))
-            refuse_not_finite(array, i);
-        norm = std::hypot(norm, value);
-    }
-    refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is (%s, %s, %s%s%s), of norm %.9g: must be 1 to within 1e-3", array.table, array.field, i,
-           value_of(array, i, 0).text, value_of(array, i, 1).text, value_of(array, i, 2).text, N == 4 ? ", " : "",
-           N == 4 ? value_of(array, i, 3).text : "", norm);
-}
-
-} // namespace
-
 Value value_of(const Array& array, std::size_t i, std::size_t component) {
     Value value{};
     char* const end = value.text + sizeof value.text - 1;
@@ -85,6 +33,53 @@ Value value_of(const Array& array, std::size_t i, std::size_t component) {
     return value;
 }
 
+namespace {
+
+// 0 if every component is finite, else NaN: no branch an element.
+template <std::size_t N, class Real> Real finiteness(const Real* values) {
+    Real sum = 0;
+    for (std::size_t c = 0; c < N; ++c)
+        sum += values[c] * Real(0);
+    return sum;
+}
+
+template <std::size_t N> std::size_t first_not_finite(const Array& array) {
+    return first_bad<N>(array, [](const auto* values) { return finiteness<N>(values) == 0; });
+}
+
+[[noreturn]] void refuse_not_finite(const Array& array, std::size_t i) {
+    for (std::size_t c = 0; c < array.components; ++c) {
+        if (std::isfinite(array.column.real(i, c)))
+            continue;
+        if (array.components == 1)
+            refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is %s: must be finite", array.table, array.field, i, value_of(array, i).text);
+        refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu][%zu] is %s: must be finite", array.table, array.field, i, c,
+               value_of(array, i, c).text);
+    }
+    refuse(CAIRN_ERROR_INTERNAL, "%s.%s[%zu]: not finite, but every component is", array.table, array.field, i);
+}
+
+template <std::size_t N> void check_unit_of(const Array& array) {
+    const std::size_t i = first_bad<N>(array, [](const auto* values) {
+        double square = 0;
+        for (std::size_t c = 0; c < N; ++c)
+            square += static_cast<double>(values[c]) * static_cast<double>(values[c]);
+        return Rule::is_unit(square);
+    });
+    if (i == array.end)
+        return;
+    double norm = 0;
+    for (std::size_t c = 0; c < N; ++c) {
+        const double value = array.column.real(i, c);
+        if (!std::isfinite(value))
+            refuse_not_finite(array, i);
+        norm = std::hypot(norm, value);
+    }
+    refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is (%s, %s, %s%s%s), of norm %.9g: must be 1 to within 1e-3", array.table, array.field, i,
+           value_of(array, i, 0).text, value_of(array, i, 1).text, value_of(array, i, 2).text, N == 4 ? ", " : "",
+           N == 4 ? value_of(array, i, 3).text : "", norm);
+}
+
 void check_finite(const Array& array) {
     if (!array.present())
         return;
@@ -104,11 +99,11 @@ void check_finite(const Array& array) {
         refuse_not_finite(array, i);
 }
 
-void check_range(const Array& array, double low, double high, const char* must) {
+void check_range(const Array& array, const Rule& rule) {
     if (!array.present())
         return;
     // Both bounds are finite, so that NaN and infinity are outside.
-    const auto inside = [low, high](auto value) { return value >= low && value <= high; };
+    const auto inside = [low = rule.low, high = rule.high](auto value) { return value >= low && value <= high; };
     std::size_t i = 0;
     if (array.components == 1)
         i = first_bad<1>(array, [&](const auto* values) { return inside(values[0]); });
@@ -122,9 +117,10 @@ void check_range(const Array& array, double low, double high, const char* must) 
         if (!std::isfinite(array.column.real(i, c)))
             refuse_not_finite(array, i);
         if (array.components == 1)
-            refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is %s: must be %s", array.table, array.field, i, value_of(array, i).text, must);
+            refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is %s: must be %s", array.table, array.field, i, value_of(array, i).text,
+                   rule.must);
         refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu][%zu] is %s: must be %s", array.table, array.field, i, c, value_of(array, i, c).text,
-               must);
+               rule.must);
     }
 }
 
@@ -137,20 +133,37 @@ void check_unit(const Array& array) {
         check_unit_of<3>(array);
 }
 
-void check_bits(const Array& array, std::uint32_t known, const char* names) {
+void check_bits(const Array& array, const Rule& rule) {
     if (!array.present())
         return;
     for (std::size_t i = array.first; i < array.end; ++i)
         for (std::size_t c = 0; c < array.components; ++c) {
             const auto bits = static_cast<std::uint32_t>(array.column.integer(i, c));
-            if ((bits & ~known) == 0)
+            if ((bits & ~rule.known) == 0)
                 continue;
             if (array.components == 1)
                 refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu] is %s: has bits beside %s", array.table, array.field, i,
-                       value_of(array, i).text, names);
+                       value_of(array, i).text, rule.must);
             refuse(CAIRN_ERROR_INVALID_DATA, "%s.%s[%zu][%zu] is %s: has bits beside %s", array.table, array.field, i, c,
-                   value_of(array, i, c).text, names);
+                   value_of(array, i, c).text, rule.must);
         }
+}
+
+} // namespace
+
+void check_rule(const Array& array, const Rule& rule) {
+    switch (rule.of) {
+    case Rule::none:
+        return;
+    case Rule::finite:
+        return check_finite(array);
+    case Rule::range:
+        return check_range(array, rule);
+    case Rule::unit:
+        return check_unit(array);
+    case Rule::bits:
+        return check_bits(array, rule);
+    }
 }
 
 void check_pairs(const Array& body_a, const Array& body_b, std::size_t bodies) {

@@ -1,7 +1,7 @@
 // Checks of the elements of one array, or of a part of it. Each is one pass that keeps nothing; the text of a refusal is made
 // only when there is one, and names the array, the index and the value.
 #pragma once
-#include "scene/input.h"
+#include "scene/fields.h"
 #include "status.h"
 
 #include <cstddef>
@@ -28,13 +28,14 @@ struct Value {
 };
 Value value_of(const Array& array, std::size_t i, std::size_t component = 0);
 
-void check_finite(const Array& array);
-// Finite and low <= value <= high; `must` says so in words: ">= 0".
-void check_range(const Array& array, double low, double high, const char* must);
-// Every component finite, and the norm within 1e-3 of 1.
-void check_unit(const Array& array);
-// No bits beside those of `known`; `names` lists them for the text.
-void check_bits(const Array& array, std::uint32_t known, const char* names);
+// The rule of a field.
+void check_rule(const Array& array, const Rule& rule);
+// The rules of a table's fields, elements first ... end - 1.
+template <class Columns, class Fields>
+void check_rules(const Columns& columns, const char* table, const Fields& fields, std::size_t first, std::size_t end) {
+    for (const auto& field : fields)
+        check_rule(Array{columns.*field.column, table, field.name, first, end, field.components}, field.rule);
+}
 // Body indices: in -1 ... bodies - 1, and different.
 void check_pairs(const Array& body_a, const Array& body_b, std::size_t bodies);
 

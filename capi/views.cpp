@@ -1,7 +1,10 @@
 #include "views.h"
 
+#include "gpu/device.h"
+
 #include <algorithm>
 #include <limits>
+#include <string>
 
 namespace cairn::capi {
 
@@ -63,11 +66,13 @@ Extent check_view(const cairn_view& view, const Demand& demand) {
     }
     if (!fits(view.type, demand.kind))
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "%s.%s: type is %u, must be %s", table, field, view.type, names_of(demand.kind));
-    if (view.device == CAIRN_DEVICE)
+    if (view.device > CAIRN_DEVICE)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "%s.%s: device is %u, must be CAIRN_HOST (0) or CAIRN_DEVICE (1)", table, field, view.device);
+    if (view.device == CAIRN_DEVICE && demand.device < 0)
         refuse(CAIRN_ERROR_UNSUPPORTED,
-               "%s.%s: device is CAIRN_DEVICE, which this version does not read yet: pass host memory (CAIRN_HOST)", table, field);
-    if (view.device != CAIRN_HOST)
-        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "%s.%s: device is %u, must be CAIRN_HOST (0)", table, field, view.device);
+               "%s.%s: device is CAIRN_DEVICE, but this solver runs on the CPU: pass host memory (CAIRN_HOST), or make the solver with "
+               "CAIRN_BACKEND_CUDA",
+               table, field);
     if (demand.count == 0)
         return extent;
 
@@ -97,6 +102,11 @@ Extent check_view(const cairn_view& view, const Demand& demand) {
     if (outside)
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "%s.%s: %zu elements %lld bytes apart do not fit the address space", table, field,
                demand.count, static_cast<long long>(stride));
+    if (view.device == CAIRN_DEVICE)
+        for (const std::uintptr_t at : {extent.begin, extent.end - 1})
+            if (const std::string place = gpu::not_on_device(reinterpret_cast<const void*>(at), demand.device); !place.empty())
+                refuse(CAIRN_ERROR_INVALID_ARGUMENT, "%s.%s: device is CAIRN_DEVICE, but its elements at %p %s", table, field,
+                       reinterpret_cast<const void*>(at), place.c_str());
     extent.present = true;
     extent.stride = step;
     extent.signed_stride = static_cast<std::ptrdiff_t>(stride);

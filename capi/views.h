@@ -1,14 +1,12 @@
 // Views of the caller's arrays: what a view may be, and which memory of two views overlaps.
 #pragma once
-#include "scene/input.h"
+#include "scene/fields.h"
 #include "status.h"
 
 #include <cstddef>
 #include <cstdint>
 
 namespace cairn::capi {
-
-enum class Kind { real, integer, key }; // F32 or F64; I32 or U32; U64
 
 // What a field asks of its view.
 struct Demand {
@@ -18,6 +16,7 @@ struct Demand {
     std::size_t components;
     std::size_t count; // elements
     bool required;
+    int device; // the CUDA device whose memory it may be; -1: none, host memory only
 };
 
 // The memory of a checked view: `count` elements of `length` bytes, lowest address first, `stride` (> 0) apart.

@@ -32,6 +32,7 @@ struct Config {
     bool double_precision = false;
     Backend backend = Backend::automatic;
     std::uint32_t executor = 0; // CAIRN_EXECUTOR_...: how a device runs the schedule
+    void* stream = nullptr;     // cairn_config's
     Hooks hooks;
 };
 
@@ -64,6 +65,14 @@ struct OutOfDeviceMemory : std::bad_alloc {
     std::string text;
 };
 
+// An element of a table on the device is bad: `input` has those tables' columns in host memory, for whoever says what is wrong. It
+// lives as long as the solver and its next step. Nothing was written.
+struct RefusedOnDevice : std::runtime_error {
+    explicit RefusedOnDevice(const Input& copied)
+        : std::runtime_error("a check on the device refused an element that the host accepts"), input(copied) {}
+    Input input;
+};
+
 class Solver {
   public:
     virtual ~Solver() = default;
@@ -73,8 +82,17 @@ class Solver {
 
     Params params;
 
-    // Input and params must have been checked. Throws NotFinite, std::bad_alloc; then nothing was written or changed.
-    virtual void step(const Input& input, const Output& output) = 0;
+    // A step: begin() may only queue it, finish() waits. In between the caller's memory is borrowed, and nothing else may be called.
+    // Input and params must have been checked. Both throw NotFinite, std::bad_alloc, RefusedOnDevice; then the step is over and
+    // nothing was written or changed.
+    virtual void begin(const Input& input, const Output& output) = 0;
+    virtual void finish() {}
+    void step(const Input& input, const Output& output) {
+        begin(input, output);
+        finish();
+    }
+    // The CUDA device whose memory views may show; -1: none, host memory only.
+    virtual int device() const { return -1; }
     virtual const Statistics& statistics() const = 0;
     virtual std::span<const double> residual_trace() const = 0;
     virtual std::span<const std::uint32_t> split_counts() const = 0;

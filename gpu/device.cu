@@ -63,4 +63,17 @@ bool available() { return state().available; }
 
 std::string cuda_state() { return state().text; }
 
+std::string not_on_device(const void* memory, int device) {
+    cudaPointerAttributes found{};
+    if (cudaPointerGetAttributes(&found, memory) != cudaSuccess) {
+        cudaGetLastError();
+        return "are memory that CUDA does not know";
+    }
+    if (found.type == cudaMemoryTypeManaged || (found.type == cudaMemoryTypeDevice && found.device == device))
+        return "";
+    if (found.type == cudaMemoryTypeDevice)
+        return "are on device " + std::to_string(found.device) + ", and the solver on device " + std::to_string(device);
+    return "are host memory";
+}
+
 } // namespace cairn::gpu

@@ -12,10 +12,14 @@ bool available();
 // cairn_info.cuda: "present: NVIDIA H200, compute 9.0, ...", or what is missing and what to do.
 std::string cuda_state();
 
+// "" if that address is in a device's memory; else what it is, to go on "its elements at ...": "are host memory".
+std::string not_on_device(const void* memory, int device);
+
 #else
 
 inline bool available() { return false; }
 inline std::string cuda_state() { return "built without CUDA: install nvcc or run ./dev setup --cuda, then build again"; }
+inline std::string not_on_device(const void*, int) { return "are host memory"; }
 
 #endif
 

@@ -32,6 +32,7 @@ class GraphExecutor {
 
   private:
     void forget();
+    Stream capture_;                  // the solver's may be the legacy one, which cannot be captured
     std::vector<std::byte> captured_; // the Solve that the graph was made of
     cudaGraphExec_t graph_ = nullptr;
 };

@@ -13,6 +13,11 @@ struct Finish {
     __device__ const Request& request() const { return *d.request; }
 };
 
+// Results: nothing is written if a body is lost.
+struct Write : Finish {
+    __device__ bool stopped() const { return d.report->bad_input != 0 || d.report->not_finite != 0; }
+};
+
 struct CheckFinite : Finish {
     __device__ void operator()(u32 i) const {
         if (d.body_kind[i] != kMovableBody)
@@ -42,7 +47,7 @@ struct SumEnergy : Finish {
         d.energy_chunk[chunk] = sum;
     }
 };
-struct WriteBody : Finish {
+struct WriteBody : Write {
     __device__ void operator()(u32 i) const {
         if (d.body_kind[i] != kMovableBody)
             return;
@@ -51,16 +56,16 @@ struct WriteBody : Finish {
     }
 };
 // Elements without effect; lanes write over the others.
-struct ClearContact : Finish {
+struct ClearContact : Write {
     __device__ void operator()(u32 i) const { clear_contact(request().output, i); }
 };
-struct ClearJoint : Finish {
+struct ClearJoint : Write {
     __device__ void operator()(u32 i) const { clear_joint(request().output, i); }
 };
-struct ClearRow : Finish {
+struct ClearRow : Write {
     __device__ void operator()(u32 i) const { clear_row(request().output, i); }
 };
-struct WriteLane : Finish {
+struct WriteLane : Write {
     __device__ void operator()(u32 lane) const {
         const u32 head = d.lane_head[lane];
         if (head == 0xffffffffu)
@@ -86,11 +91,11 @@ void finish(const Layout& d, const Counts& n, cudaStream_t stream) {
     loop(stream, n.bodies, CheckFinite{step});
     loop(stream, d.capacity.bodies, CountSweeps{step});
     loop(stream, (n.bodies + kEnergyChunk - 1) / kEnergyChunk, SumEnergy{step});
-    loop(stream, n.bodies, WriteBody{step});
-    loop(stream, n.contacts, ClearContact{step});
-    loop(stream, n.joints, ClearJoint{step});
-    loop(stream, n.rows, ClearRow{step});
-    loop(stream, d.capacity.elements(), WriteLane{step});
+    loop(stream, n.bodies, WriteBody{{step}});
+    loop(stream, n.contacts, ClearContact{{step}});
+    loop(stream, n.joints, ClearJoint{{step}});
+    loop(stream, n.rows, ClearRow{{step}});
+    loop(stream, d.capacity.elements(), WriteLane{{step}});
 }
 
 } // namespace cairn::gpu

@@ -115,17 +115,18 @@ void GraphExecutor::execute(const Solve& solve, const DeviceFacts& device, cudaS
     const auto* const bytes = reinterpret_cast<const std::byte*>(&solve);
     if (!graph_ || std::memcmp(captured_.data(), bytes, sizeof solve) != 0) {
         forget();
-        check(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal), "beginning a graph");
+        check(cudaStreamBeginCapture(capture_, cudaStreamCaptureModeThreadLocal), "beginning a graph");
         cudaGraph_t graph = nullptr;
+        run.stream = capture_;
         try {
             run_schedule(run, plan);
         } catch (...) {
-            cudaStreamEndCapture(stream, &graph);
+            cudaStreamEndCapture(capture_, &graph);
             if (graph)
                 cudaGraphDestroy(graph);
             throw;
         }
-        check(cudaStreamEndCapture(stream, &graph), "ending a graph");
+        check(cudaStreamEndCapture(capture_, &graph), "ending a graph");
         const cudaError_t made = cudaGraphInstantiate(&graph_, graph, 0);
         cudaGraphDestroy(graph);
         check(made, "making a graph");

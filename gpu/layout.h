@@ -56,7 +56,7 @@ struct Request {
 
 // What the step has found. Written by kernels, read by the host at the end.
 struct Report {
-    u32 bad_input;                                                 // place of the first element that was refused, 0: none (check.cu)
+    u32 bad_input;                                                 // tables with a bad element (check.h), 0: none
     u32 not_finite;                                                // count of bodies - the first such body, 0: none
     u32 movable, islands, tiles, tile_rows, tile_lanes, component; // the last three: of the largest
     u32 contacts, manifolds, joints, rows, warm_started, rotation_clamped;

@@ -72,14 +72,43 @@ template <class Kind> class Buffer {
 
 class Stream {
   public:
-    Stream() { check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "creating a stream"); }
-    ~Stream() { cudaStreamDestroy(stream_); }
+    // One of its own, after what the legacy default stream holds; or somebody else's.
+    explicit Stream(void* theirs = nullptr) : stream_(static_cast<cudaStream_t>(theirs)), own_(!theirs) {
+        if (own_)
+            check(cudaStreamCreateWithFlags(&stream_, cudaStreamDefault), "creating a stream");
+    }
+    ~Stream() {
+        if (own_)
+            cudaStreamDestroy(stream_);
+    }
     Stream(const Stream&) = delete;
     Stream& operator=(const Stream&) = delete;
     operator cudaStream_t() const { return stream_; }
 
   private:
-    cudaStream_t stream_ = nullptr;
+    cudaStream_t stream_;
+    bool own_;
+};
+
+// Makes a device the thread's current one for a while: a thread of the caller's may have another.
+class Current {
+  public:
+    explicit Current(int device) {
+        check(cudaGetDevice(&before_), "asking for the device");
+        if (before_ != device)
+            check(cudaSetDevice(device), "choosing the device");
+        else
+            before_ = -1;
+    }
+    ~Current() {
+        if (before_ >= 0)
+            cudaSetDevice(before_);
+    }
+    Current(const Current&) = delete;
+    Current& operator=(const Current&) = delete;
+
+  private:
+    int before_ = -1;
 };
 
 class Event {

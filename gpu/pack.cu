@@ -482,7 +482,6 @@ void pack(const Layout& d, const Counts& n, const Memories& last, bool trace, cu
     const auto bodies = [&](const auto& body) { loop(stream, n.bodies, body); };
     const auto each_element = [&](const auto& body) { loop(stream, elements, body); };
 
-    clear(d.report, 1, stream);
     bodies(ClassifyBody{step});
     each_element(ReadElement{step});
     sorter.running_maximum(d.mark, d.run, elements);

@@ -3,9 +3,11 @@
 #include "solver.h"
 
 #include "../core/method/counts.h"
+#include "../core/scene/fields.h"
 #include "../core/scene/pack.h"
 #include "../core/scene/settings.h"
 #include "cache.h"
+#include "check.h"
 #include "device.h"
 #include "execute.h"
 #include "finish.h"
@@ -33,46 +35,58 @@ template <class T> T* pinned(Buffer<Pinned>& buffer, std::size_t count) {
 
 class CudaSolver final : public Solver {
   public:
-    explicit CudaSolver(const Config& config) : forced_(static_cast<Executor>(config.executor)) {
+    explicit CudaSolver(const Config& config)
+        : forced_(static_cast<Executor>(config.executor)), device_(current_device()), stream_(config.stream) {
         params = preset(Method::tjsoft, Preset::best);
-        int device = 0, clusters = 0;
-        check(cudaGetDevice(&device), "choosing a device");
-        check(cudaDeviceGetAttribute(&facts_.multiprocessors, cudaDevAttrMultiProcessorCount, device), "asking the device");
-        check(cudaDeviceGetAttribute(&facts_.shared_bytes, cudaDevAttrMaxSharedMemoryPerBlockOptin, device), "asking the device");
-        check(cudaDeviceGetAttribute(&clusters, cudaDevAttrClusterLaunch, device), "asking the device");
+        int clusters = 0;
+        check(cudaDeviceGetAttribute(&facts_.multiprocessors, cudaDevAttrMultiProcessorCount, device_), "asking the device");
+        check(cudaDeviceGetAttribute(&facts_.shared_bytes, cudaDevAttrMaxSharedMemoryPerBlockOptin, device_), "asking the device");
+        check(cudaDeviceGetAttribute(&clusters, cudaDevAttrClusterLaunch, device_), "asking the device");
         facts_.clusters = clusters != 0;
     }
-    ~CudaSolver() override { cudaStreamSynchronize(stream_); }
+    ~CudaSolver() override {
+        cudaSetDevice(device_);
+        cudaStreamSynchronize(stream_);
+    }
 
-    void step(const Input& input, const Output& output) override {
-        const Clock::time_point start = Clock::now();
+    void begin(const Input& input, const Output& output) override {
+        const Current current(device_);
+        start_ = Clock::now();
         try {
             queue(input, output);
-            check(cudaStreamSynchronize(stream_), "solving");
         } catch (...) {
             cudaStreamSynchronize(stream_); // what was queued still reads the staging memory
             throw;
         }
+        input_ = input;
+    }
+    void finish() override {
+        const Current current(device_);
+        check(cudaStreamSynchronize(stream_), "solving");
         const Report& report = *report_;
+        if (report.bad_input != 0)
+            throw RefusedOnDevice(refused(report.bad_input));
         if (report.not_finite > 0)
-            throw NotFinite("body " + std::to_string(input.bodies.count - report.not_finite) + " is no longer finite");
+            throw NotFinite("body " + std::to_string(input_.bodies.count - report.not_finite) + " is no longer finite");
         fetch_trace(report);
         Statistics now = statistics_of(report);
-        results_.deliver([&](std::size_t i) { return is_movable(input.bodies, i); });
+        results_.deliver(input_);
         cache_.swap(next_cache_);
         trace_.swap(next_trace_);
         component_ = report.component;
         largest_ = quota_ == kOneTile ? Largest{} : Largest{report.tile_rows, report.tile_lanes};
-        bodies_ = static_cast<u32>(input.bodies.count);
+        bodies_ = static_cast<u32>(input_.bodies.count);
         split_known_ = false;
-        now.time_total = std::chrono::duration<double>(Clock::now() - start).count();
+        now.time_total = std::chrono::duration<double>(Clock::now() - start_).count();
         statistics_ = now;
     }
+    int device() const override { return device_; }
 
     const Statistics& statistics() const override { return statistics_; }
     std::span<const double> residual_trace() const override { return trace_; }
     std::span<const std::uint32_t> split_counts() const override {
         if (!split_known_) {
+            const Current current(device_);
             split_counts_.resize(bodies_);
             if (bodies_ > 0)
                 check(cudaMemcpy(split_counts_.data(), layout_.split, bodies_ * sizeof(u32), cudaMemcpyDeviceToHost),
@@ -83,6 +97,7 @@ class CudaSolver final : public Solver {
     }
     void reset() override { cache_.forget(); }
     std::vector<std::byte> save_cache() const override {
+        const Current current(device_);
         WarmStartCache cache;
         cache_.download(cache, stream_);
         return cache.save();
@@ -90,6 +105,7 @@ class CudaSolver final : public Solver {
     void load_cache(std::span<const std::byte> bytes) override {
         WarmStartCache cache;
         cache.load(bytes);
+        const Current current(device_);
         DeviceCache fresh;
         fresh.upload(cache, stream_);
         cache_.swap(fresh);
@@ -124,6 +140,8 @@ class CudaSolver final : public Solver {
         check(cudaMemcpyAsync(layout_.request, &request, sizeof request, cudaMemcpyHostToDevice, stream_), "sending the step");
         sent_.record(stream_);
 
+        clear(layout_.report, 1, stream_);
+        check_tables(layout_, request.input, stream_);
         next_cache_.prepare(layout_.capacity, stream_);
         pack(layout_, counts, cache_.view(), params.residual_trace, stream_);
         packed_.record(stream_);
@@ -144,9 +162,9 @@ class CudaSolver final : public Solver {
         solved_.record(stream_);
 
         next_cache_.remember(layout_, solve_.frame.h, stream_);
-        finish(layout_, counts, stream_);
+        gpu::finish(layout_, counts, stream_);
         finished_.record(stream_);
-        results_.fetch(stream_);
+        results_.fetch(layout_.body_kind, stream_);
         report_ = pinned<Report>(report_memory_, 1);
         energy_ = pinned<double>(energy_memory_, counts.bodies / kEnergyChunk + 1);
         chunks_ = (counts.bodies + kEnergyChunk - 1) / kEnergyChunk;
@@ -155,6 +173,32 @@ class CudaSolver final : public Solver {
             check(cudaMemcpyAsync(energy_, layout_.energy_chunk, chunks_ * sizeof(double), cudaMemcpyDeviceToHost, stream_),
                   "fetching energies");
         fetched_.record(stream_);
+    }
+
+    // Of tables with a bad element, what the host needs to say which: columns in host memory.
+    Input refused(u32 bad) {
+        Input input = input_;
+        copies_.clear();
+        const auto copy = [&](auto& table, const auto& fields, u32 bit) {
+            table.on_device = (bad & bit) != 0;
+            for (const auto& field : fields) {
+                Column& column = table.*field.column;
+                if (!table.on_device || !column.on_device || !column.present())
+                    continue;
+                const std::ptrdiff_t span = static_cast<std::ptrdiff_t>(table.count - 1) * column.stride;
+                const std::ptrdiff_t low = span < 0 ? span : 0;
+                const std::size_t size = static_cast<std::size_t>(span - 2 * low) + field.components * size_of(column.type);
+                copies_.emplace_back(size);
+                check(cudaMemcpy(copies_.back().data(), column.data + low, size, cudaMemcpyDeviceToHost), "fetching a bad element");
+                column.data = copies_.back().data() - low;
+                column.on_device = false;
+            }
+        };
+        copy(input.bodies, kBodyTable, kBadBodies);
+        copy(input.contacts, kContactTable, kBadContacts);
+        copy(input.joints, kJointTable, kBadJoints);
+        copy(input.rows, kRowTable, kBadRows);
+        return input;
     }
 
     // Grows by half at a time; what just suffices, where more cannot be had.
@@ -279,7 +323,14 @@ class CudaSolver final : public Solver {
         trace_sweeps(solve_.plan, ordered.data(), islands, next_trace_);
     }
 
+    static int current_device() {
+        int device = 0;
+        check(cudaGetDevice(&device), "asking for the device");
+        return device;
+    }
+
     Executor forced_, executor_ = Executor::automatic;
+    int device_;
     DeviceFacts facts_{};
     Stream stream_;
     Event began_, sent_, packed_, solved_, finished_, fetched_;
@@ -290,6 +341,9 @@ class CudaSolver final : public Solver {
     DeviceCache cache_, next_cache_;
     GraphExecutor graph_;
     Solve solve_{};
+    Clock::time_point start_;
+    Input input_; // of the step in flight
+    std::vector<std::vector<std::byte>> copies_;
     Buffer<Pinned> request_, report_memory_, energy_memory_;
     Report* report_ = nullptr;
     double* energy_ = nullptr;

@@ -8,13 +8,14 @@ namespace cairn::gpu {
 // One table's columns. Sent again only if its revision is not the last one's.
 class DeviceTable {
   public:
-    // Where columns are copied from and to: the caller's, those of `Columns` that are present.
+    // A column of the caller's and the same one on the device.
     struct Part {
         const Column* from;
         Column* to;
         std::size_t components;
     };
-    // Fills `to` with columns on the device and queues the copy; `staging` must live until it has happened.
+    // Fills `to` with columns on the device: those that are there already, and copies of the others, which it queues; `staging` must
+    // live until they are made.
     void send(const Part* parts, std::size_t part_count, std::size_t count, u64 revision, Buffer<Pinned>& staging, cudaStream_t stream);
 
   private:
@@ -36,32 +37,24 @@ class DeviceTables {
 // Results: device arrays for what the caller wants, copied to pinned memory, and from there into the caller's views.
 class DeviceResults {
   public:
-    // `to`: columns on the device for those of `output` that are present.
+    // `to`: columns on the device for those of `output` that are present, the caller's own where they are there.
     void prepare(const Input& input, const Output& output, Output& to);
-    void fetch(cudaStream_t stream);
-    // After the copies have happened. `written(i)`: whether body i's results were.
-    template <class Written> void deliver(const Written& written) const;
+    // `body_kind`: the device's, by body.
+    void fetch(const u32* body_kind, cudaStream_t stream);
+    // After the copies have happened, and while the caller's memory is still borrowed.
+    void deliver(const Input& input) const;
 
   private:
     struct Part {
         MutableColumn to;
+        MutableColumn* on_device;
         std::size_t offset, components, count;
         bool of_bodies;
     };
     Buffer<OnDevice> device_;
     Buffer<Pinned> host_;
     Part parts_[8];
-    std::size_t part_count_ = 0, size_ = 0;
+    std::size_t part_count_ = 0, size_ = 0, kinds_ = 0; // kinds_: of bodies, fetched since the host cannot see who is movable
 };
-
-template <class Written> void DeviceResults::deliver(const Written& written) const {
-    for (std::size_t p = 0; p < part_count_; ++p) {
-        const Part& part = parts_[p];
-        const std::size_t bytes = part.components * size_of(part.to.type);
-        for (std::size_t i = 0; i < part.count; ++i)
-            if (!part.of_bodies || written(i))
-                std::memcpy(part.to.data + static_cast<std::ptrdiff_t>(i) * part.to.stride, host_.data() + part.offset + i * bytes, bytes);
-    }
-}
 
 } // namespace cairn::gpu

@@ -83,7 +83,7 @@ template <class S> class SolverOf final : public Solver {
         params = preset(Method::tjsoft, Preset::best);
     }
 
-    void step(const Input& input, const Output& output) override {
+    void begin(const Input& input, const Output& output) override { // to the end: there is nothing to wait for
         const Clock::time_point start = Clock::now();
         Statistics now;
         scene_.pack(input, params, cache_);

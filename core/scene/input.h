@@ -1,4 +1,5 @@
-// What a step gets and gives: columns over the caller's arrays, already checked by capi.
+// What a step gets and gives: columns over the caller's arrays, already checked by capi (but for
+// elements of tables on the device, which the solver checks).
 #pragma once
 #include "../portable.h"
 
@@ -17,6 +18,7 @@ struct Column {
     const std::byte* data = nullptr;
     std::ptrdiff_t stride = 0; // bytes, never 0 where data is set
     Type type = Type::f64;
+    bool on_device = false; // CUDA memory: not for the host to read
 
     CAIRN_HD bool present() const { return data != nullptr; }
     CAIRN_HD double real(std::size_t i, std::size_t c = 0) const {
@@ -43,6 +45,7 @@ struct MutableColumn {
     std::byte* data = nullptr;
     std::ptrdiff_t stride = 0;
     Type type = Type::f64;
+    bool on_device = false;
 
     CAIRN_HD bool present() const { return data != nullptr; }
     CAIRN_HD void set(std::size_t i, std::size_t c, double value) const {
@@ -66,6 +69,7 @@ struct MutableColumn {
 struct BodyColumns {
     std::size_t count = 0;
     std::uint64_t revision = 0;
+    bool on_device = false; // a column of it is: capi has not checked the elements
     Column position, orientation, linear_velocity, angular_velocity, inverse_mass, inverse_inertia;
     Column force, torque, linear_factor, angular_factor, flags;
 };
@@ -73,18 +77,21 @@ struct BodyColumns {
 struct ContactColumns {
     std::size_t count = 0;
     std::uint64_t revision = 0;
+    bool on_device = false; // a column of it is: capi has not checked the elements
     Column body_a, body_b, normal, arm_a, arm_b, separation, friction, restitution, tangent, key, flags;
 };
 
 struct JointColumns {
     std::size_t count = 0;
     std::uint64_t revision = 0;
+    bool on_device = false; // a column of it is: capi has not checked the elements
     Column body_a, body_b, anchor_a, anchor_b, frame_a, frame_b, axes, lower, upper, motor_speed, motor_force, key;
 };
 
 struct RowColumns {
     std::size_t count = 0;
     std::uint64_t revision = 0;
+    bool on_device = false; // a column of it is: capi has not checked the elements
     Column body_a, body_b, jacobian_a, jacobian_b, rhs, lower, upper, compliance, friction_index, friction, block, key;
 };
 

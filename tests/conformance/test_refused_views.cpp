@@ -18,7 +18,7 @@ TEST_F(RefusedViews, TypeDeviceAlignmentStride) {
     wrong({"contacts.body_a: type is 1", "CAIRN_I32 or CAIRN_U32"}, [](W& w) { w.contact_table.body_a.type = CAIRN_F64; });
     wrong({"contacts.key: type is 3", "CAIRN_U64"}, [](W& w) { w.contact_table.key.type = CAIRN_U32; });
     wrong({"results.position: type is 77"}, [](W& w) { w.results.position.type = 77; });
-    refused(CAIRN_ERROR_UNSUPPORTED, {"joints.frame_b: device is CAIRN_DEVICE, which this version does not read yet", "CAIRN_HOST"},
+    refused(CAIRN_ERROR_UNSUPPORTED, {"joints.frame_b: device is CAIRN_DEVICE, but this solver runs on the CPU", "CAIRN_BACKEND_CUDA"},
             [](W& w) { w.joint_table.frame_b.device = CAIRN_DEVICE; });
     wrong({"rows.rhs: device is 2"}, [](W& w) { w.row_table.rhs.device = 2; });
     wrong({"bodies.force: data is 0x", "aligned", "8 bytes"},

@@ -96,6 +96,8 @@ class Api(c.Structure):
         ("solver_reset", c.CFUNCTYPE(Status, Solver)),
         ("solver_save_cache", c.CFUNCTYPE(Status, Solver, c.c_void_p, c.c_size_t, c.POINTER(c.c_size_t))),
         ("solver_load_cache", c.CFUNCTYPE(Status, Solver, c.c_void_p, c.c_size_t)),
+        ("solver_step_async", c.CFUNCTYPE(Status, Solver, c.POINTER(Step), c.POINTER(Results))),
+        ("solver_wait", c.CFUNCTYPE(Status, Solver)),
     )
 
 

@@ -72,12 +72,13 @@ typedef int32_t cairn_status;
 #define CAIRN_U64 4u
 
 #define CAIRN_HOST 0u
-#define CAIRN_DEVICE 1u /* memory of the solver's CUDA device; this version refuses it */
+#define CAIRN_DEVICE 1u /* memory of the solver's CUDA device (or managed memory); CAIRN_BACKEND_CUDA only */
 
 /* An array of the caller's: `count` elements (count is the table's), each of the number of components that the field's
  * comment gives in [brackets], those components adjacent. Fields of one array of structs may interleave, and a result
  * may be the very same view as its input (in-place update of a body's field). Inputs may share memory; elements that overlap
- * otherwise are refused. A view with data = NULL is absent: allowed where the comment says optional. Layout fixed for ever: 24 bytes. */
+ * otherwise are refused. Views of host and of device memory may be mixed in one table. Work on the device that fills a view, or reads
+ * a result, must be ordered with the solver's stream: see cairn_config.stream. A view with data = NULL is absent: allowed where the comment says optional. Layout fixed for ever: 24 bytes. */
 typedef struct cairn_view {
     void *data;      /* not written where the view is an input; aligned to its type */
     int64_t stride;  /* bytes from one element to the next; 0 = packed; may be any multiple of the type's size */
@@ -95,7 +96,7 @@ typedef struct cairn_view {
 typedef struct cairn_bodies {
     uint32_t struct_size;
     uint32_t count;              /* up to 2^31 - 2, in every table */
-    uint64_t revision;           /* a table with the revision of the last step's is not sent to a device again; 0 = changed */
+    uint64_t revision;           /* host views with the revision of the last step's are not sent to a device again; 0 = changed */
     cairn_view position;         /* [3] m, the centre of mass */
     cairn_view orientation;      /* [4] x, y, z, w; refused if its norm is more than 1e-3 from 1 */
     cairn_view linear_velocity;  /* [3] m/s */
@@ -274,7 +275,7 @@ typedef struct cairn_solver cairn_solver;
 
 #define CAIRN_BACKEND_AUTO 0u /* the CPU, unless the environment variable CAIRN_BACKEND says "cuda" and precision is 32 */
 #define CAIRN_BACKEND_CPU 1u
-#define CAIRN_BACKEND_CUDA 2u
+#define CAIRN_BACKEND_CUDA 2u /* on the CUDA device that is current in the thread that creates the solver */
 
 /* How the CUDA backend runs the schedule. Results do not depend on it. */
 #define CAIRN_EXECUTOR_AUTO 0u  /* by the size of the largest set of tied bodies and of the whole */
@@ -313,6 +314,8 @@ typedef struct cairn_config {
     cairn_release release;
     uint32_t executor;   /* CAIRN_EXECUTOR_..., for the CUDA backend */
     uint32_t reserved_2; /* 0 */
+    void *stream;        /* cudaStream_t (CUstream) that the CUDA backend queues its work on, and that must outlive the solver; NULL: one
+                            of the solver's own, ordered with the legacy default stream but with no other */
 } cairn_config;
 
 /* What the last step did. Times are wall-clock seconds. */
@@ -381,6 +384,15 @@ CAIRN_API cairn_status cairn_solver_get_params(const cairn_solver *solver, cairn
 /* One step of the simulation: forces, constraints, poses. results may be NULL: then nothing is written. */
 CAIRN_API cairn_status cairn_solver_step(cairn_solver *solver, const cairn_step *step, const cairn_results *results);
 
+/* The same step in two calls, so that the caller can work while a device does: step_async checks what is in host memory, sends it and
+ * queues the rest; wait waits for it and returns what cairn_solver_step would have. In between the memory of all views is borrowed
+ * (the structs are not), host results are not there yet, and every other call on the solver but destroy is refused. If step_async fails,
+ * no step is in flight. wait returns CAIRN_OK if none is. On the CPU step_async does it all.
+ * Results in device memory are there in the order of the solver's stream, even before wait; but only wait tells whether an element in
+ * device memory was refused or a body left the range of numbers, and then they were not written. */
+CAIRN_API cairn_status cairn_solver_step_async(cairn_solver *solver, const cairn_step *step, const cairn_results *results);
+CAIRN_API cairn_status cairn_solver_wait(cairn_solver *solver);
+
 /* Of the last step that succeeded. */
 CAIRN_API cairn_status cairn_solver_get_statistics(const cairn_solver *solver, cairn_statistics *statistics);
 /* Residual of every velocity sweep of the last step, if params.residual_trace. *count is set to how many there are; they
@@ -417,6 +429,8 @@ typedef struct cairn_api {
     cairn_status (*solver_reset)(cairn_solver *);
     cairn_status (*solver_save_cache)(const cairn_solver *, void *, size_t, size_t *);
     cairn_status (*solver_load_cache)(cairn_solver *, const void *, size_t);
+    cairn_status (*solver_step_async)(cairn_solver *, const cairn_step *, const cairn_results *);
+    cairn_status (*solver_wait)(cairn_solver *);
 } cairn_api;
 
 /* NULL if this library does not have that version (pass CAIRN_ABI_VERSION). */
