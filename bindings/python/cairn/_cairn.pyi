@@ -1,4 +1,5 @@
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +10,9 @@ class Error(RuntimeError):
     status: int
 
 class Solver:
-    def __init__(self, threads: int, instructions: int, precision: int) -> None: ...
+    def __init__(
+        self, threads: int, instructions: int, precision: int, backend: int, executor: int, stream: int
+    ) -> None: ...
     def load_preset(self, method: int, preset: int, changes: dict[str, float]) -> None: ...
     def set_params(self, changes: dict[str, float]) -> None: ...
     def params(self) -> dict[str, float]: ...
@@ -17,12 +20,23 @@ class Solver:
         self,
         dt: float,
         gravity: Sequence[float],
-        bodies: Mapping[str, npt.NDArray[np.generic]],
-        contacts: Mapping[str, npt.NDArray[np.generic]],
-        joints: Mapping[str, npt.NDArray[np.generic]],
-        rows: Mapping[str, npt.NDArray[np.generic]],
-        out: Mapping[str, npt.NDArray[np.generic]],
+        bodies: Mapping[str, Any],
+        contacts: Mapping[str, Any],
+        joints: Mapping[str, Any],
+        rows: Mapping[str, Any],
+        out: Mapping[str, Any],
     ) -> None: ...
+    def step_async(
+        self,
+        dt: float,
+        gravity: Sequence[float],
+        bodies: Mapping[str, Any],
+        contacts: Mapping[str, Any],
+        joints: Mapping[str, Any],
+        rows: Mapping[str, Any],
+        out: Mapping[str, Any],
+    ) -> None: ...
+    def wait(self) -> None: ...
     def statistics(self) -> dict[str, float]: ...
     def residual_trace(self) -> npt.NDArray[np.float64]: ...
     def split_counts(self) -> npt.NDArray[np.uint32]: ...

@@ -1,10 +1,10 @@
-"""`cairn.Solver`: one solver of the library, over NumPy arrays."""
+"""`cairn.Solver`: one solver of the library, over NumPy arrays and arrays in CUDA memory."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from typing import Union
+from typing import Any, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -124,6 +124,15 @@ class Solver:
     process may use. instructions ("auto", "scalar", "sse2", "avx2", "avx512") is for tests and measurements: results do
     not depend on it, nor on threads. precision: 32, or 64 for the slow reference. params: changes to the preset.
 
+    backend: "auto" (the CPU, unless the environment variable CAIRN_BACKEND is "cuda"), "cpu", or "cuda", the CUDA
+    device that is current. executor ("auto", "block", "grid", "graph"): how the device runs the schedule; results do
+    not depend on it. stream: the cudaStream_t as an int that it works on, kept alive by the caller; 0 for one of its
+    own, which is ordered with the legacy default stream (what CuPy, PyTorch and Numba use unless told otherwise) but
+    no other.
+
+    Under "cuda" a column may be an array in CUDA memory: any object with `__cuda_array_interface__` or `__dlpack__`.
+    It is read and written there, in stream order; a key column may be int64 then.
+
     Distinct solvers may run in distinct threads; calls to one solver wait for each other. cairn.Error where the library
     refuses: its text says what is wrong.
     """
@@ -135,10 +144,21 @@ class Solver:
         threads: int = 0,
         instructions: str = "auto",
         precision: int = 32,
+        backend: str = "auto",
+        executor: str = "auto",
+        stream: int = 0,
         **params: ParamValue,
     ) -> None:
         numbers = _number("method", method, METHODS), _number("preset", preset, PRESETS)
-        self._solver = _cairn.Solver(threads, _number("instructions", instructions, INSTRUCTIONS), precision)
+        self._solver = _cairn.Solver(
+            threads,
+            _number("instructions", instructions, INSTRUCTIONS),
+            precision,
+            _number("backend", backend, BACKENDS),
+            _number("executor", executor, ("auto", *EXECUTORS[1:])),
+            stream,
+        )
+        self._in_flight: Results | None = None
         self._solver.load_preset(*numbers, _to_library(params))
 
     @property
@@ -158,22 +178,60 @@ class Solver:
         """One step of dt seconds: forces, constraints, poses. gravity in m/s^2.
 
         Results go into those columns of `out` that bear a result's name, and into new arrays for the rest; `out=bodies`
-        updates the bodies in place. The returned Results hold all of them. TypeError or ValueError for an array that
-        the solver cannot read where it is, cairn.Error for data that it refuses; both name it, and nothing is changed.
+        updates the bodies in place. The returned Results hold all of them. Of a table in CUDA memory there are only the
+        results in `out`, the others are None. TypeError or ValueError for an array that the solver cannot read where it
+        is, cairn.Error for data that it refuses; both name it, and nothing is changed.
         """
+        tables, results = self._arrays(bodies, contacts, joints, rows, out)
+        self._solver.step(dt, gravity, **tables, out=results)
+        return Results(**results)
+
+    def step_async(
+        self,
+        dt: float,
+        bodies: Bodies | Table,
+        contacts: Contacts | Table | None = None,
+        joints: Joints | Table | None = None,
+        rows: Rows | Table | None = None,
+        gravity: Sequence[float] = (0.0, -9.81, 0.0),
+        out: Table | None = None,
+    ) -> None:
+        """As `step`, but only checks, sends and queues; `wait` gives the Results.
+
+        Until then the arrays must not be changed, NumPy arrays hold no results yet, and every other call is refused
+        (cairn.Error). On the CPU the step is done here.
+        """
+        tables, results = self._arrays(bodies, contacts, joints, rows, out)
+        self._solver.step_async(dt, gravity, **tables, out=results)
+        self._in_flight = Results(**results)
+
+    def wait(self) -> Results | None:
+        """Wait for the step that `step_async` began, and give its results; None if there is none.
+
+        cairn.Error for what only the device could see: bad data in its memory, a body out of the range of numbers.
+        """
+        results, self._in_flight = self._in_flight, None
+        self._solver.wait()
+        return results
+
+    def _arrays(
+        self,
+        bodies: Bodies | Table,
+        contacts: Contacts | Table | None,
+        joints: Joints | Table | None,
+        rows: Rows | Table | None,
+        out: Table | None,
+    ) -> tuple[dict[str, dict[str, Column]], dict[str, Any]]:
         tables = {
             "bodies": columns_of(bodies, "bodies"),
             "contacts": columns_of(contacts, "contacts"),
             "joints": columns_of(joints, "joints"),
             "rows": columns_of(rows, "rows"),
         }
-        given = columns_of(out, "out")
-        results = self._results(tables, given)
-        self._solver.step(dt, gravity, **tables, out=results)
-        return Results(**results)
+        return tables, self._results(tables, columns_of(out, "out"))
 
     @staticmethod
-    def _results(tables: Mapping[str, dict[str, Column]], given: Mapping[str, Column]) -> dict[str, Column]:
+    def _results(tables: Mapping[str, dict[str, Column]], given: Mapping[str, Column]) -> dict[str, Any]:
         """Every result's array: the given one, else a new one of the type of the bodies' positions."""
         known = {field.name for table in (Bodies, Results) for field in fields(table)}
         for name in given:
@@ -181,13 +239,16 @@ class Solver:
                 names = ", ".join(field.name for field in fields(Results))
                 raise TypeError(f"out has a field '{name}', which is no result; results are {names}")
         bodies = tables["bodies"]
-        results: dict[str, Column] = {}
+        results: dict[str, Any] = {}
         for name in ("position", "orientation", "linear_velocity", "angular_velocity"):
             if name in given:
                 results[name] = given[name]
-            elif name in bodies:
+            elif name in bodies and isinstance(bodies[name], np.ndarray):
                 results[name] = np.array(bodies[name])  # a copy: the solver leaves bodies that cannot move unwritten
-        real = getattr(bodies.get("position"), "dtype", np.dtype(np.float32))
+            elif name in bodies:
+                results[name] = None
+        positions = bodies.get("position")
+        real = positions.dtype if isinstance(positions, np.ndarray) else np.dtype(np.float32)
         shapes = {
             "contact_impulse": ("contacts", ()),
             "friction_impulse": ("contacts", (3,)),
@@ -195,8 +256,13 @@ class Solver:
             "row_impulse": ("rows", ()),
         }
         for name, (table, shape) in shapes.items():
-            count = len(tables[table].get("body_a", ()))
-            results[name] = given[name] if name in given else np.zeros((count, *shape), dtype=real)
+            body_a = tables[table].get("body_a", ())
+            if name in given:
+                results[name] = given[name]
+            elif isinstance(body_a, (np.ndarray, tuple)):
+                results[name] = np.zeros((len(body_a), *shape), dtype=real)
+            else:
+                results[name] = None
         return results
 
     @property

@@ -1,4 +1,6 @@
-"""The tables of a step: columns of NumPy arrays, which the solver reads and writes where they are.
+"""The tables of a step: columns, which the solver reads and writes where they are.
+
+A column is a NumPy array, or for a solver on a GPU one in CUDA memory (`__cuda_array_interface__` or `__dlpack__`).
 
 A floating column is float32 or float64, an index column int32 or uint32, a key column uint64. Its first axis may have
 any stride, positive or negative, so columns may be fields of one structured array; its last axis is contiguous.
@@ -14,7 +16,7 @@ from typing import Any, Union
 import numpy as np
 import numpy.typing as npt
 
-Column = npt.NDArray[Any]
+Column = Any  # NumPy's, or an object in CUDA memory, for which there is no type
 
 WORLD = -1  # as a body index: the immovable world, its frame at the origin
 NO_GYROSCOPIC, AT_END_POSE = 1, 2  # Bodies.flags
@@ -97,7 +99,7 @@ class Rows:
 
 @dataclass
 class Results:
-    """What a step gave. Impulses are sums over the whole step."""
+    """What a step gave. Impulses are sums over the whole step. None: of a table in CUDA memory, and not in `out`."""
 
     position: Column  # [bodies, 3] m
     orientation: Column  # [bodies, 4]

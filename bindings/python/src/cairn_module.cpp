@@ -3,8 +3,10 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace cairn_python {
@@ -110,15 +112,20 @@ void set_param(cairn_params& params, const std::string& name, const py::handle& 
 
 class Solver {
   public:
-    Solver(std::uint32_t threads, std::uint32_t instructions, std::uint32_t precision) {
+    Solver(std::uint32_t threads, std::uint32_t instructions, std::uint32_t precision, std::uint32_t backend, std::uint32_t executor,
+           std::uintptr_t stream)
+        : ordering_{stream} {
         cairn_config config = {};
         config.struct_size = sizeof config;
         config.threads = threads;
         config.instructions = instructions;
         config.precision = precision;
+        config.backend = backend;
+        config.executor = executor;
+        config.stream = reinterpret_cast<void*>(stream);
         check(cairn_solver_create(&config, &solver_));
     }
-    ~Solver() { cairn_solver_destroy(solver_); }
+    ~Solver() { cairn_solver_destroy(solver_); } // which waits; then the arrays in flight may go
     Solver(const Solver&) = delete;
     Solver& operator=(const Solver&) = delete;
 
@@ -138,22 +145,20 @@ class Solver {
 
     void step(double dt, std::array<double, 3> gravity, const py::dict& bodies, const py::dict& contacts, const py::dict& joints,
               const py::dict& rows, const py::dict& out) {
-        const auto body_table = bodies_from(bodies);
-        const auto contact_table = contacts_from(contacts);
-        const auto joint_table = joints_from(joints);
-        const auto row_table = rows_from(rows);
-        cairn_step step = {};
-        step.struct_size = sizeof step;
-        step.dt = dt;
-        for (std::size_t i = 0; i < 3; ++i) {
-            step.gravity[i] = gravity[i];
-        }
-        step.bodies = &body_table;
-        step.contacts = &contact_table;
-        step.joints = &joint_table;
-        step.rows = &row_table;
-        const auto results = results_from(out, step);
-        call([&] { return cairn_solver_step(solver_, &step, &results); });
+        const BorrowedStep borrowed(dt, gravity, bodies, contacts, joints, rows, out, ordering_);
+        call([&] { return cairn_solver_step(solver_, &borrowed.step, &borrowed.results); });
+    }
+
+    void step_async(double dt, std::array<double, 3> gravity, const py::dict& bodies, const py::dict& contacts, const py::dict& joints,
+                    const py::dict& rows, const py::dict& out) {
+        auto borrowed = std::make_unique<BorrowedStep>(dt, gravity, bodies, contacts, joints, rows, out, ordering_);
+        call([&] { return cairn_solver_step_async(solver_, &borrowed->step, &borrowed->results); });
+        in_flight_ = std::move(borrowed); // not before: a refusal while another is in flight must not drop that one's arrays
+    }
+
+    void wait() {
+        const auto over = std::move(in_flight_); // its arrays go when the call is over
+        call([&] { return cairn_solver_wait(solver_); });
     }
 
     py::dict statistics() {
@@ -229,6 +234,8 @@ class Solver {
         call([&] { return cairn_solver_set_params(solver_, &params); });
     }
 
+    Ordering ordering_;
+    std::unique_ptr<BorrowedStep> in_flight_;
     cairn_solver* solver_ = nullptr;
     std::mutex mutex_;
 };
@@ -297,12 +304,16 @@ PYBIND11_MODULE(_cairn, module) {
     module.def("preset", &preset, py::arg("method"), py::arg("preset"));
     module.def("joint_axes", &joint_axes, py::arg("joint"));
     py::class_<Solver>(module, "Solver")
-        .def(py::init<std::uint32_t, std::uint32_t, std::uint32_t>(), py::arg("threads"), py::arg("instructions"), py::arg("precision"))
+        .def(py::init<std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t, std::uintptr_t>(), py::arg("threads"),
+             py::arg("instructions"), py::arg("precision"), py::arg("backend"), py::arg("executor"), py::arg("stream"))
         .def("load_preset", &Solver::load_preset, py::arg("method"), py::arg("preset"), py::arg("changes"))
         .def("set_params", &Solver::set_params, py::arg("changes"))
         .def("params", &Solver::params)
         .def("step", &Solver::step, py::arg("dt"), py::arg("gravity"), py::arg("bodies"), py::arg("contacts"), py::arg("joints"),
              py::arg("rows"), py::arg("out"))
+        .def("step_async", &Solver::step_async, py::arg("dt"), py::arg("gravity"), py::arg("bodies"), py::arg("contacts"),
+             py::arg("joints"), py::arg("rows"), py::arg("out"))
+        .def("wait", &Solver::wait)
         .def("statistics", &Solver::statistics)
         .def("residual_trace", &Solver::residual_trace)
         .def("split_counts", &Solver::split_counts)

@@ -5,6 +5,8 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <array>
+#include <cstdint>
 #include <stdexcept>
 
 namespace cairn_python {
@@ -23,13 +25,28 @@ inline void check(cairn_status status) {
     }
 }
 
-// Each takes {field name: array} and points the table at the arrays, which the caller keeps alive. TypeError for an unknown field,
-// a wrong element type or a layout that a view cannot express; ValueError for a wrong shape. Nothing is copied.
-cairn_bodies bodies_from(const py::dict& arrays);
-cairn_contacts contacts_from(const py::dict& arrays);
-cairn_joints joints_from(const py::dict& arrays);
-cairn_rows rows_from(const py::dict& arrays);
-// The arrays must be writeable and have the lengths of the step's tables.
-cairn_results results_from(const py::dict& arrays, const cairn_step& step);
+// The stream that the solver works on, to be ordered with whoever made an array on the device.
+struct Ordering {
+    std::uintptr_t given = 0; // cairn_config.stream
+    // As DLPack and the CUDA array interface number it: 1 is the legacy default stream, with which the solver's own is ordered.
+    std::uintptr_t stream() const { return given == 0 ? 1 : given; }
+};
+
+// A step over {field name: array} dicts, which it keeps alive. Nothing is copied. TypeError for an unknown field, a wrong element type
+// or a layout that a view cannot express; ValueError for a wrong shape, a result that cannot be written, or an order that cannot be kept.
+struct BorrowedStep {
+    BorrowedStep(double dt, const std::array<double, 3>& gravity, const py::dict& bodies, const py::dict& contacts, const py::dict& joints,
+                 const py::dict& rows, const py::dict& out, const Ordering& ordering);
+    BorrowedStep(const BorrowedStep&) = delete; // it points into itself
+    BorrowedStep& operator=(const BorrowedStep&) = delete;
+
+    cairn_bodies bodies;
+    cairn_contacts contacts;
+    cairn_joints joints;
+    cairn_rows rows;
+    cairn_step step;
+    cairn_results results;
+    py::list keep;
+};
 
 } // namespace cairn_python
