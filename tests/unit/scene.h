@@ -198,6 +198,7 @@ struct Scene {
     std::vector<Contact> contacts;
     std::vector<Joint> joints;
     std::vector<Row> rows;
+    std::array<std::uint64_t, 4> revisions{}; // of the tables of bodies, contacts, joints and rows
     Vec3 gravity = Vec3::Zero();
     double dt = 0.016;
 
@@ -414,10 +415,14 @@ inline cairn_rows row_table(const std::vector<Row>& rows) {
 }
 
 inline cairn_status Scene::try_step(const Solver& solver, Impulses& out) {
-    const cairn_bodies body_columns = body_table(bodies);
-    const cairn_contacts contact_columns = contact_table(contacts);
-    const cairn_joints joint_columns = joint_table(joints);
-    const cairn_rows row_columns = row_table(rows);
+    cairn_bodies body_columns = body_table(bodies);
+    cairn_contacts contact_columns = contact_table(contacts);
+    cairn_joints joint_columns = joint_table(joints);
+    cairn_rows row_columns = row_table(rows);
+    body_columns.revision = revisions[0];
+    contact_columns.revision = revisions[1];
+    joint_columns.revision = revisions[2];
+    row_columns.revision = revisions[3];
     cairn_step step{};
     step.struct_size = sizeof step;
     step.dt = dt;

@@ -1,9 +1,7 @@
 // Results depend on the input alone: not on threads, instruction set, task hook, where the scene is, or what else is solved.
-#include "dense.h"
+#include "busy.h"
 #include "methods.h"
-#include "shapes.h"
 
-#include <algorithm>
 #include <atomic>
 #include <thread>
 
@@ -13,66 +11,14 @@ namespace {
 class Determinism : public EachMethod {};
 CAIRN_EACH_METHOD(Determinism);
 
-constexpr double kRadius = 0.1;
-
-// Balls in a loose block that falls together on the ground, every third joined to the next by a hinge.
-Scene heap(int count, const Vec3& origin = Vec3::Zero()) {
-    Random random(5);
-    Scene scene;
-    scene.gravity = Vec3(0, 0, -9.81);
-    for (int i = 0; i < count; ++i) {
-        const Vec3 cell(i % 6, (i / 6) % 6, i / 36);
-        Body ball = Body::sphere(1 + i % 3, kRadius, origin + Vec3(0, 0, kRadius) + 0.199 * cell + random_vec(random, 0.004));
-        ball.orientation = random_quat(random);
-        ball.linear = random_vec(random, 0.5);
-        ball.angular = random_vec(random, 1);
-        if (i % 4 == 0)
-            ball.inverse_inertia = ball.inverse_inertia.cwiseProduct(Vec3(1, 0.8, 0.7));
-        scene.add(ball);
-    }
-    for (int i = 0; i + 1 < count; i += 3) {
-        const Vec3 middle =
-            0.5 * (scene.bodies[static_cast<std::size_t>(i)].position + scene.bodies[static_cast<std::size_t>(i + 1)].position);
-        Joint& joint = scene.join(i, i + 1, middle, axes_of(CAIRN_JOINT_HINGE));
-        joint.key = (std::uint64_t{1} << 62) + static_cast<std::uint64_t>(i);
-        if (i % 2 == 0) {
-            joint.axes[5] = CAIRN_AXIS_LIMITED;
-            joint.lower[5] = -0.1;
-            joint.upper[5] = 0.1;
-        }
-    }
-    return scene;
-}
-
-void touch(Scene& scene, const Vec3& origin = Vec3::Zero()) {
-    scene.contacts.clear();
-    const int count = static_cast<int>(scene.bodies.size());
-    for (int i = 0; i < count; ++i) {
-        Body& body = scene.bodies[static_cast<std::size_t>(i)];
-        const Vec3 place = body.position;
-        body.position.z() -= origin.z();
-        touch_sphere(scene, i, kRadius, Plane{}, 0.4, 0.3);
-        body.position = place;
-        for (int j = i + 1; j < count; ++j)
-            touch_spheres(scene, i, j, kRadius, kRadius, 0.4);
-    }
-}
-
-cairn_params busy(std::uint32_t method, std::uint32_t which) {
-    cairn_params params = preset(method, which);
-    params.substeps = std::min(params.substeps, 3u);
-    params.iterations = 12;
-    params.relax_share = 0.25;
-    params.residual_trace = 1;
-    return params;
-}
+constexpr int kEdge = 6; // one heap of all that follow
 
 std::uint64_t run(const Solver& solver, const cairn_params& params, int balls = 150, int frames = 6) {
     check(cairn_solver_set_params(solver.get(), &params));
-    Scene scene = heap(balls);
+    Heaps scene(balls, kEdge);
     std::uint64_t hash = 0;
     for (int frame = 0; frame < frames; ++frame) {
-        touch(scene);
+        scene.touch();
         const Impulses out = scene.step(solver);
         hash = hash * 31 + scene.hash();
         for (const double p : out.contact)
@@ -97,7 +43,7 @@ TEST_P(Determinism, ResultsDoNotDependOnTheInstructionSet) {
     int sets = 0;
     for (const std::uint32_t splitting : {CAIRN_SPLIT_POINT, CAIRN_SPLIT_MANIFOLD}) {
         for (const std::uint32_t acceleration : {CAIRN_ACCELERATION_NONE, CAIRN_ACCELERATION_NESTEROV}) {
-            cairn_params params = busy(GetParam(), CAIRN_PRESET_DEFAULT);
+            cairn_params params = busy(GetParam());
             params.splitting = splitting;
             params.acceleration = acceleration;
             const std::uint64_t scalar = run(Solver(32, 1, CAIRN_ISA_SCALAR), params);
@@ -122,28 +68,13 @@ TEST_P(Determinism, ResultsDoNotDependOnTheInstructionSet) {
     RecordProperty("instruction_sets", sets / 4);
 }
 
-// A random scene with every kind of constraint, whose shapes do not fill whole SIMD batches.
 TEST_P(Determinism, OddSizedScenesAgreeBetweenInstructionSets) {
     for (std::uint64_t seed = 1; seed <= 8; ++seed) {
         std::vector<std::uint64_t> hashes;
         for (const std::uint32_t isa : {CAIRN_ISA_SCALAR, CAIRN_ISA_AUTO}) {
-            Random random(seed);
-            Scene scene = random_bodies(random, 3 + static_cast<int>(seed));
-            add_random_joints(random, scene, 0.01);
-            scene.joints[0].axes = {CAIRN_AXIS_LOCKED,  CAIRN_AXIS_LOCKED,  CAIRN_AXIS_DRIVEN,
-                                    CAIRN_AXIS_LIMITED, CAIRN_AXIS_LIMITED, CAIRN_AXIS_FREE};
-            scene.joints[0].motor_speed[2] = 1;
-            scene.joints[0].motor_force[2] = 5;
-            add_random_contacts(random, scene, 2 + static_cast<int>(seed * 3), 0.5);
-            Row row;
-            row.b = 0;
-            row.jacobian_b[2] = 1;
-            row.lower = -0.1;
-            scene.rows.push_back(row);
-            for (Body& body : scene.bodies)
-                body.flags = 0;
+            Scene scene = every_kind(seed);
             const Solver solver(32, 2, isa);
-            const cairn_params params = busy(GetParam(), CAIRN_PRESET_DEFAULT);
+            const cairn_params params = busy(GetParam());
             check(cairn_solver_set_params(solver.get(), &params));
             for (int frame = 0; frame < 3; ++frame)
                 scene.step(solver);
@@ -175,7 +106,7 @@ void run_tasks(void* user, std::uint32_t count, cairn_task task, void* argument)
 }
 
 TEST(Hooks, ParallelForGivesTheSameBits) {
-    const cairn_params params = busy(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT);
+    const cairn_params params = busy(CAIRN_METHOD_TJSOFT);
     const std::uint64_t expected = run(Solver(32, 1), params, 150, 2);
     for (const bool threaded : {false, true}) {
         Tasks tasks;
@@ -234,18 +165,16 @@ cairn_config with_memory(Memory& memory) {
 
 TEST(Hooks, AllocatorIsBalanced) {
     Memory memory;
-    const cairn_params params = busy(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT);
+    const cairn_params params = busy(CAIRN_METHOD_TJSOFT);
     const std::uint64_t expected = run(Solver(32, 1), params, 60, 3);
     {
         const Solver solver(with_memory(memory));
         check(cairn_solver_set_params(solver.get(), &params));
-        Scene scene = heap(60);
-        touch(scene);
+        Heaps scene(60, kEdge);
         scene.step(solver);
         EXPECT_GT(memory.calls, 0);
         const std::int64_t calls = memory.calls;
-        Scene again = heap(60);
-        touch(again);
+        Heaps again(60, kEdge);
         again.step(solver);
         EXPECT_EQ(memory.calls, calls) << "the same scene again takes more memory";
     }
@@ -257,9 +186,8 @@ TEST(Hooks, AllocatorIsBalanced) {
 }
 
 TEST(Hooks, RunningOutOfMemoryLeavesTheSolverUsable) {
-    const cairn_params params = busy(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT);
-    Scene reference = heap(40);
-    touch(reference);
+    const cairn_params params = busy(CAIRN_METHOD_TJSOFT);
+    Heaps reference(40, kEdge);
     const Solver healthy(32, 1);
     check(cairn_solver_set_params(healthy.get(), &params));
     reference.step(healthy);
@@ -281,8 +209,7 @@ TEST(Hooks, RunningOutOfMemoryLeavesTheSolverUsable) {
         {
             const Solver solver(config);
             check(cairn_solver_set_params(solver.get(), &params));
-            Scene scene = heap(40);
-            touch(scene);
+            Heaps scene(40, kEdge);
             const std::uint64_t before = scene.hash();
             Impulses out;
             const cairn_status status = scene.try_step(solver, out);
@@ -304,17 +231,17 @@ TEST(Hooks, RunningOutOfMemoryLeavesTheSolverUsable) {
 TEST_P(Determinism, TenKilometresAwayNothingChanges) {
     const Vec3 far(10000, -7000, 5000);
     const Solver here(32, 1), there(32, 1);
-    const cairn_params params = busy(GetParam(), CAIRN_PRESET_DEFAULT);
+    const cairn_params params = busy(GetParam());
     check(cairn_solver_set_params(here.get(), &params));
     check(cairn_solver_set_params(there.get(), &params));
-    Scene near_scene = heap(40), far_scene = heap(40, far);
+    Heaps near_scene(40, kEdge), far_scene(40, kEdge, far);
     // one is also tied to the world, by a joint whose anchor is a world point
     near_scene.join(CAIRN_WORLD, 39, near_scene.bodies[39].position, axes_of(CAIRN_JOINT_BALL));
     far_scene.join(CAIRN_WORLD, 39, far_scene.bodies[39].position, axes_of(CAIRN_JOINT_BALL));
     double worst = 0;
     for (int frame = 0; frame < 10; ++frame) {
-        touch(near_scene);
-        touch(far_scene, far);
+        near_scene.touch();
+        far_scene.touch();
         ASSERT_EQ(near_scene.contacts.size(), far_scene.contacts.size());
         near_scene.step(here);
         far_scene.step(there);
@@ -328,8 +255,7 @@ TEST_P(Determinism, TenKilometresAwayNothingChanges) {
 
 // ---- Islands ----
 Scene island(int which) {
-    Scene scene = heap(which == 0 ? 20 : 33, Vec3(3.0 * which, 0, 0));
-    touch(scene);
+    Heaps scene(which == 0 ? 20 : 33, kEdge, Vec3(3.0 * which, 0, 0));
     const auto shift = static_cast<std::uint64_t>(which) << 40;
     for (Contact& c : scene.contacts)
         c.key += shift;
@@ -358,7 +284,7 @@ void append(Scene& world, const Scene& part) {
 TEST_P(Determinism, SplittingTheWorldInTwoCallsChangesNothing) {
     for (const double tolerance : {0.0, 1e-3}) {
         for (const std::uint32_t acceleration : {CAIRN_ACCELERATION_NONE, CAIRN_ACCELERATION_NESTEROV}) {
-            cairn_params params = busy(GetParam(), CAIRN_PRESET_DEFAULT);
+            cairn_params params = busy(GetParam());
             params.acceleration = acceleration;
             params.residual_tolerance = tolerance;
             params.iterations = 60;
