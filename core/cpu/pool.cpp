@@ -113,9 +113,9 @@ void Pool::work() {
             if (now >> 32 == seen >> 32)
                 ticket_.wait(now, std::memory_order_acquire);
         }
-        if (stop_.load(std::memory_order_relaxed))
-            return;
         seen = take_parts();
+        if (stop_.load(std::memory_order_relaxed)) // after it: the ticket that take_parts saw may be the destructor's
+            return;
     }
 }
 
