@@ -68,4 +68,25 @@ inline void expect_same(const Seen& cpu, const Seen& gpu) {
     EXPECT_TRUE(gpu.cache == cpu.cache) << "the saved cache";
 }
 
+// Heaps give the same frames on the CPU and, by every executor, on the GPU.
+inline void expect_same_frames(const cairn_params& params, int balls, int edge) {
+    const auto seen = [&](const cairn_config& config) {
+        const Solver solver(config);
+        check(cairn_solver_set_params(solver.get(), &params));
+        Heaps heaps(balls, edge);
+        Seen all;
+        for (int frame = 0; frame < 2; ++frame) {
+            heaps.touch();
+            all.step(solver, heaps);
+        }
+        all.cache = solver.save_cache();
+        return all;
+    };
+    const Seen cpu = seen(config_of(CAIRN_BACKEND_CPU));
+    for (const std::uint32_t executor : {CAIRN_EXECUTOR_AUTO, CAIRN_EXECUTOR_BLOCK, CAIRN_EXECUTOR_GRID, CAIRN_EXECUTOR_GRAPH}) {
+        SCOPED_TRACE(testing::Message() << "executor " << executor);
+        expect_same(cpu, seen(config_of(CAIRN_BACKEND_CUDA, executor)));
+    }
+}
+
 } // namespace cairn_test

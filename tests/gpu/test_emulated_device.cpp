@@ -7,7 +7,7 @@
 namespace cairn_test {
 
 std::string missing_device() { return {}; }
-
+bool is_quick() { return false; }
 void set_order(int order) { cairn_emulated::set_order(static_cast<cairn_emulated::Order>(order), 7); }
 
 NoDeviceMemory::NoDeviceMemory() { cairn_emulated::set_memory_limit(1); }
