@@ -1,7 +1,9 @@
 #include "elements.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <type_traits>
 
 namespace cairn::capi {
 
@@ -47,6 +49,21 @@ template <std::size_t N> std::size_t first_not_finite(const Array& array) {
     return first_bad<N>(array, [](const auto* values) { return finiteness<N>(values) == 0; });
 }
 
+// find(N) for the number of components that a field may have.
+template <class Find> std::size_t by_components(const Array& array, Find find) {
+    switch (array.components) {
+    case 1:
+        return find(std::integral_constant<std::size_t, 1>{});
+    case 2:
+        return find(std::integral_constant<std::size_t, 2>{});
+    case 3:
+        return find(std::integral_constant<std::size_t, 3>{});
+    case 6:
+        return find(std::integral_constant<std::size_t, 6>{});
+    }
+    refuse(CAIRN_ERROR_INTERNAL, "%s.%s: no check for %zu components", array.table, array.field, array.components);
+}
+
 [[noreturn]] void refuse_not_finite(const Array& array, std::size_t i) {
     for (std::size_t c = 0; c < array.components; ++c) {
         if (std::isfinite(array.column.real(i, c)))
@@ -83,18 +100,8 @@ template <std::size_t N> void check_unit_of(const Array& array) {
 void check_finite(const Array& array) {
     if (!array.present())
         return;
-    std::size_t i = 0;
-    switch (array.components) {
-    case 1:
-        i = first_not_finite<1>(array);
-        break;
-    case 3:
-        i = first_not_finite<3>(array);
-        break;
-    default:
-        i = first_not_finite<6>(array);
-        break;
-    }
+    const std::size_t i =
+        by_components(array, [&]<std::size_t N>(std::integral_constant<std::size_t, N>) { return first_not_finite<N>(array); });
     if (i < array.end)
         refuse_not_finite(array, i);
 }
@@ -104,11 +111,9 @@ void check_range(const Array& array, const Rule& rule) {
         return;
     // Both bounds are finite, so that NaN and infinity are outside.
     const auto inside = [low = rule.low, high = rule.high](auto value) { return value >= low && value <= high; };
-    std::size_t i = 0;
-    if (array.components == 1)
-        i = first_bad<1>(array, [&](const auto* values) { return inside(values[0]); });
-    else
-        i = first_bad<3>(array, [&](const auto* values) { return inside(values[0]) && inside(values[1]) && inside(values[2]); });
+    const std::size_t i = by_components(array, [&]<std::size_t N>(std::integral_constant<std::size_t, N>) {
+        return first_bad<N>(array, [&](const auto* values) { return std::all_of(values, values + N, inside); });
+    });
     if (i == array.end)
         return;
     for (std::size_t c = 0; c < array.components; ++c) {

@@ -59,6 +59,11 @@ template <int kOnly = -1> __device__ void run_lane(Stage stage, const Frame<floa
     }
 }
 
+// One copy for all stages of a kernel that runs the whole schedule, whatever the compiler's measure of its size says.
+__device__ __noinline__ inline void run_any_lane(Stage stage, const Frame<float>& f, const Layout& d, const Tile& t, u32 index) {
+    run_lane(stage, f, d, t, index);
+}
+
 // The tree of core/stages/islands.h, each level's nodes side by side, by the threads of a block. `level`: two arrays as long as the
 // values, for the sums on their way up. Every thread gets the result.
 __device__ inline float block_tree_sum(const float* values, float* level_a, float* level_b, u32 begin, u32 end) {
@@ -116,7 +121,7 @@ template <class Team> struct DeviceExecutor {
         switch (domain_of(stage)) {
         case Domain::groups:
             for (u32 i = team.rank(), count = tile.contacts.size() + tile.joints.size() + tile.raws.size(); i < count; i += team.size())
-                run_lane(stage, f, solve.d, tile, i);
+                run_any_lane(stage, f, solve.d, tile, i);
             break;
         case Domain::movable:
             for (u32 row = tile.movable.begin + team.rank(); row < tile.movable.end; row += team.size())

@@ -71,11 +71,13 @@ struct WriteLane : Write {
         if (head == 0xffffffffu)
             return;
         const Output& output = request().output;
+        const bool special = head < d.joint_base() && contact_group_of(d.lane_shape[lane]).special();
         for (u32 p = 0; p < d.lane_count[lane]; ++p) {
             const u32 place = d.lane_first[lane] + p * d.lane_stride[lane];
             if (head < d.joint_base())
                 write_contact(output, head + p, fields_at(d.contact, kContactFields, place),
-                              fields_at(d.contact_cold, kContactColdFields, place));
+                              fields_at(d.contact_cold, kContactColdFields, place),
+                              special ? fields_at(d.contact_extra, kContactExtraFields, place) : nullptr);
             else if (head < d.raw_base())
                 write_joint(output, head - d.joint_base(), fields_at(d.joint_cold, kJointColdFields, place));
             else

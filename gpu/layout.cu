@@ -74,6 +74,7 @@ std::size_t carve(const Capacity& c, std::size_t scratch_size, std::byte* base, 
     to.add(l.partial_level, 4 * elements);
     to.add(l.contact, places(c.contacts) * kContactFields);
     to.add(l.contact_cold, places(c.contacts) * kContactColdFields);
+    to.add(l.contact_extra, places(c.special) * kContactExtraFields);
     to.add(l.joint, places(c.joints) * kJointFields);
     to.add(l.joint_cold, places(c.joints) * kJointColdFields);
     to.add(l.raw, places(c.rows) * kRawFields);

@@ -18,14 +18,15 @@ constexpr u32 kTileQuota = 128; // bodies and lanes: a tile is closed when it ha
 
 struct Capacity {
     u32 bodies = 0, contacts = 0, joints = 0, rows = 0;
-    u32 traced = 0; // sweeps of which residuals are kept
+    u32 traced = 0;  // sweeps of which residuals are kept
+    u32 special = 0; // contacts that may be special
 
     CAIRN_HD u32 elements() const { return contacts + joints + rows; }
     u32 tiles() const { return (bodies + elements()) / kTileQuota + 2; }
     u32 body_rows() const { return bodies + tiles(); }
     bool holds(const Capacity& other) const {
         return bodies >= other.bodies && contacts >= other.contacts && joints >= other.joints && rows >= other.rows &&
-               traced >= other.traced;
+               traced >= other.traced && special >= other.special;
     }
 };
 
@@ -98,7 +99,7 @@ struct Layout {
     u32 *lane_partial, *lane_island, *lane_shape, *lane_first, *lane_stride, *lane_head, *lane_count, *points_before;
     float* lane_static;
     float *partial_restart, *partial_residual, *partial_level; // the last: sums on their way up the tree, two arrays of each level
-    float *contact, *contact_cold, *joint, *joint_cold, *raw;
+    float *contact, *contact_cold, *contact_extra, *joint, *joint_cold, *raw;
     // islands
     u32 *island_begin, *island_rank, *island_root;
     std::uint8_t* island_bounces;

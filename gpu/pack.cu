@@ -135,13 +135,15 @@ struct MakeBlock : Step {
             return;
         Report& report = *d.report;
         if (at.kind == 0) {
-            bool rubs = false;
-            for (u32 p = 0; p < count; ++p)
-                rubs = rubs || contact_rubs(input().contacts, at.row + p, d.request->friction_model);
-            d.shape[e] = contact_shape(count, rubs);
+            ContactKind kind = ContactKind::smooth;
+            for (u32 p = 0; p < count; ++p) {
+                const ContactKind found = contact_kind(input().contacts, at.row + p, d.request->friction_model);
+                kind = found < kind ? found : kind;
+            }
+            d.shape[e] = contact_shape(count, kind);
             atomicAdd(&report.contacts, count);
             atomicAdd(&report.manifolds, 1u);
-            atomicAdd(&report.rows, count * (rubs ? 3 : 1));
+            atomicAdd(&report.rows, count * rows_of(kind));
         } else if (at.kind == 1) {
             const JointColumns& in = input().joints;
             d.shape[e] = joint_shape(joint_rotation(in, at.row), joint_bounded(in, at.row));
@@ -438,10 +440,12 @@ struct PackLane : Step {
         const u32 count = d.head[e];
         if (at.kind == 0) {
             const ContactColumns& in = input().contacts;
+            const bool special = contact_group_of(d.shape[e]).special();
             for (u32 p = 0; p < count; ++p) {
                 const u32 i = at.row + p, place = d.lane_first[lane] + p * d.lane_stride[lane];
                 pack_contact(in, i, request.friction_model, h, recalled(last.contacts, in.key, i, kContactMemory, request.contact_share),
-                             cleared<kContactFields>(d.contact, place), cleared<kContactColdFields>(d.contact_cold, place));
+                             cleared<kContactFields>(d.contact, place), cleared<kContactColdFields>(d.contact_cold, place),
+                             special ? cleared<kContactExtraFields>(d.contact_extra, place) : nullptr);
             }
         } else if (at.kind == 1) {
             const JointColumns& in = input().joints;

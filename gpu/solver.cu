@@ -119,7 +119,7 @@ class CudaSolver final : public Solver {
     void queue(const Input& input, const Output& output) {
         const Counts counts{static_cast<u32>(input.bodies.count), static_cast<u32>(input.contacts.count),
                             static_cast<u32>(input.joints.count), static_cast<u32>(input.rows.count)};
-        make_room(counts);
+        make_room(counts, input.contacts.special());
         executor_ = choose(counts);
         quota_ = executor_ == Executor::block ? kTileQuota : kOneTile;
 
@@ -202,14 +202,15 @@ class CudaSolver final : public Solver {
     }
 
     // Grows by half at a time; what just suffices, where more cannot be had.
-    void make_room(const Counts& n) {
-        const Capacity needed{n.bodies, n.contacts, n.joints, n.rows, params.residual_trace ? params.iterations : 0};
+    void make_room(const Counts& n, bool special) {
+        const Capacity needed{
+            n.bodies, n.contacts, n.joints, n.rows, params.residual_trace ? params.iterations : 0, special ? n.contacts : 0};
         if (layout_.capacity.holds(needed) && memory_.data())
             return;
         const auto grown = [](u32 has, u32 needs) { return needs <= has ? has : needs > has + has / 2 ? needs : has + has / 2; };
         const Capacity& has = layout_.capacity;
         const Capacity wished{grown(has.bodies, needed.bodies), grown(has.contacts, needed.contacts), grown(has.joints, needed.joints),
-                              grown(has.rows, needed.rows), std::max(has.traced, needed.traced)};
+                              grown(has.rows, needed.rows),     std::max(has.traced, needed.traced),  grown(has.special, needed.special)};
         layout_.capacity = {}; // whatever was there is gone
         try {
             take(wished);
@@ -254,6 +255,7 @@ class CudaSolver final : public Solver {
         f.energy_change = d.energy_change;
         f.contact = d.contact;
         f.contact_cold = d.contact_cold;
+        f.contact_extra = d.contact_extra;
         f.joint = d.joint;
         f.joint_cold = d.joint_cold;
         f.raw = d.raw;

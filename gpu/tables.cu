@@ -1,6 +1,5 @@
 #include "tables.h"
 
-#include "../core/scene/fields.h"
 #include "../core/scene/pack.h"
 
 #include <cstring>

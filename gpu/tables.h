@@ -1,5 +1,6 @@
 // The caller's tables on the device, and the caller's results back: packed columns, sent through pinned memory.
 #pragma once
+#include "../core/scene/fields.h"
 #include "layout.h"
 #include "memory.h"
 
@@ -53,7 +54,7 @@ class DeviceResults {
     };
     Buffer<OnDevice> device_;
     Buffer<Pinned> host_;
-    Part parts_[8];
+    Part parts_[kResultTable.size()];
     std::size_t part_count_ = 0, size_ = 0, kinds_ = 0; // kinds_: of bodies, fetched since the host cannot see who is movable
 };
 

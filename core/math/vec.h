@@ -22,8 +22,20 @@ template <class F> CAIRN_HD Vec3<F> normalized(const Vec3<F>& a) { return a * in
 
 // Symmetric 3x3: xx yy zz xy xz yz.
 template <class F> struct Sym3 { F xx, yy, zz, xy, xz, yz; };
+template <class F> CAIRN_HD Sym3<F> operator+(const Sym3<F>& a, const Sym3<F>& b) {
+    return {a.xx + b.xx, a.yy + b.yy, a.zz + b.zz, a.xy + b.xy, a.xz + b.xz, a.yz + b.yz};
+}
 template <class F> CAIRN_HD Vec3<F> operator*(const Sym3<F>& m, const Vec3<F>& a) {
     return {m.xx * a.x + m.xy * a.y + m.xz * a.z, m.xy * a.x + m.yy * a.y + m.yz * a.z, m.xz * a.x + m.yz * a.y + m.zz * a.z};
+}
+
+// The larger eigenvalue of m on the plane across the unit vector n: the roots' sum is the trace left there, their product
+// n . adj(m) n.
+template <class F> CAIRN_HD F largest_across(const Sym3<F>& m, const Vec3<F>& n) {
+    const F half = (m.xx + m.yy + m.zz - dot(n, m * n)) * of<F>(0.5);
+    const Sym3<F> adjugate{m.yy * m.zz - m.yz * m.yz, m.zz * m.xx - m.xz * m.xz, m.xx * m.yy - m.xy * m.xy,
+                           m.xz * m.yz - m.xy * m.zz, m.xy * m.yz - m.xz * m.yy, m.xy * m.xz - m.yz * m.xx};
+    return half + root(maximum(half * half - dot(n, adjugate * n), F(0)));
 }
 
 // Rows of a rotation matrix are never needed whole: its columns are the rotated axes.

@@ -9,6 +9,14 @@
 //   lambda_n+ = max(0, lambda_n - (w_n + bias + gamma lambda_n) / (D_nn + gamma))
 //   lambda_t+ = disc of radius mu lambda_n+ around 0 of (lambda_t - (w_t + D_tn dlambda_n) / sigma),  sigma = lambda_max(D_tt)
 // Each line lowers the majoriser of the energy, so a sweep cannot overshoot.
+//
+// A point may have coefficients s1, s2 <= 1 that scale its friction along the two tangents: |(lambda_1/s1, lambda_2/s2)| <= mu
+// lambda_n. Then t1 and t2 are stored s1 and s2 long, which makes the ellipse a disc again.
+//
+// Points of special groups may have, too: a target u* for the slip (w_t = t . (u - u*)); a spring and damper of their own in place
+// of the method's bias (soft.h); and friction of rotation, with w = w_b - w_a and the angular impulse tau on b:
+//   spinning  |n . tau| <= mu_s lambda_n,   rolling  |tau - n (n . tau)| <= mu_r lambda_n,   each opposing w on its own
+// after the point's other rows, by the same rule with K = n_a I_a^-1 + n_b I_b^-1 as the split mass matrix.
 #pragma once
 #include "bodies.h"
 #include "soft.h"
@@ -58,6 +66,25 @@ CAIRN_HD inline void add_to_totals(const Frame<Real>& f, const Lane& takes_part,
            total);
 }
 
+// Rows of rolling and spinning friction; returns the angular impulse that the sweeps start from.
+CAIRN_HD inline Vec3<Lane> build_torsion(const Frame<Real>& f, const Vec3<Lane>& n, const Mass<Lane>& ma, const Mass<Lane>& mb,
+                                         const Lane& takes_part, Real* extra) {
+    const Sym3<Lane> k = split_mass(ma).angular + split_mass(mb).angular;
+    const Lane spin = dot(n, k * n), roll = largest_across(k, n);
+    store(spin, extra + kDSpin * kGroup);
+    store(roll, extra + kDRoll * kGroup);
+    store(inverse_or_zero(spin), extra + kInverseSpin * kGroup);
+    store(inverse_or_zero(roll), extra + kInverseRoll * kGroup);
+    Vec3<Lane> start = load3(extra + (kTorque + 3 * f.current) * kGroup);
+    if (f.phase == Phase::substep)
+        start = start * Lane(f.warm ? f.contact_warm : Real(0));
+    store3(start, extra + kTorque * kGroup);
+    store3(start, extra + (kTorque + 3) * kGroup);
+    if (f.phase == Phase::restitution)
+        add_to_totals(f, takes_part, -start, extra + kTorqueTotal * kGroup);
+    return start;
+}
+
 // Rows of the substep: D, bias, gamma; and the impulse that the sweeps start from.
 CAIRN_HD inline void build_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     const Lane zero = Lane(Real(0)), h = Lane(f.h);
@@ -73,10 +100,11 @@ CAIRN_HD inline void build_contacts(const Frame<Real>& f, const Group& g, std::s
     for (std::uint32_t p = 0; p < g.count; ++p) {
         Real* hot = fields_of(f.contact, kContactFields, g, p, sub);
         Real* cold = fields_of(f.contact_cold, kContactColdFields, g, p, sub);
+        Real* extra = g.special() ? fields_of(f.contact_extra, kContactExtraFields, g, p, sub) : nullptr;
         const PointGeometry q = load_point(hot);
         const Vec3<Lane> an = cross(q.a, q.n), bn = cross(q.b, q.n);
         const Lane ka = ma.between(q.n, an, q.n, an), kb = mb.between(q.n, bn, q.n, bn);
-        const Lane dnn = ma.n * ka + mb.n * kb;
+        Lane dnn = ma.n * ka + mb.n * kb;
 
         const Lane c = separation_of(cold, q.n, pa, pb);
         const auto apart = c > zero;
@@ -95,11 +123,23 @@ CAIRN_HD inline void build_contacts(const Frame<Real>& f, const Group& g, std::s
             // Bodies that have not met yet keep their speed for the next step: braked now, they would never bounce.
             bias = select(apart && (total <= zero), Lane(Real(1e18)), bias);
         }
+        if (g.special()) {
+            const Lane softness = load_as<Lane>(extra + kSpringGamma * kGroup);
+            const auto springs = softness > zero;
+            if (f.phase == Phase::substep) {
+                bias = select(springs && !apart, c * load_as<Lane>(extra + kSpringRate * kGroup), bias);
+                gamma = select(springs, softness, gamma);
+            } else { // what a spring pushes is settled by its deformation: only friction goes on
+                bias = select(springs, zero, bias);
+                gamma = select(springs, zero, gamma);
+                dnn = select(springs, zero, dnn);
+            }
+        }
         store(bias, hot + kBias * kGroup);
         store(gamma, hot + kGamma * kGroup);
         store(dnn + gamma, hot + kDnn * kGroup);
         store(inverse_or_zero(dnn + gamma), hot + kInverseN * kGroup);
-        if (g.friction) {
+        if (g.contact != ContactKind::smooth) {
             const Vec3<Lane> a1 = cross(q.a, q.t1), a2 = cross(q.a, q.t2), b1 = cross(q.b, q.t1), b2 = cross(q.b, q.t2);
             const Lane d11 = ma.n * ma.between(q.t1, a1, q.t1, a1) + mb.n * mb.between(q.t1, b1, q.t1, b1);
             const Lane d22 = ma.n * ma.between(q.t2, a2, q.t2, a2) + mb.n * mb.between(q.t2, b2, q.t2, b2);
@@ -134,41 +174,60 @@ CAIRN_HD inline void build_contacts(const Frame<Real>& f, const Group& g, std::s
         push = push + impulse;
         turn_a = turn_a + cross(q.a, impulse);
         turn_b = turn_b + cross(q.b, impulse);
+        if (g.contact == ContactKind::torsional) {
+            const Vec3<Lane> torque = build_torsion(f, q.n, ma, mb, takes_part, extra);
+            turn_a = turn_a + torque;
+            turn_b = turn_b + torque;
+        }
     }
     if (f.warm && f.phase == Phase::substep)
         scatter_impulse(f, lane, -push, -turn_a, push, turn_b);
 }
 
 // New friction impulse from the old one y and its residual w. The pyramid takes the second row after the first.
-template <bool kPyramid>
-CAIRN_HD void step_friction(const Real* hot, const Lane& bound, const Lane& y1, const Lane& y2, const Lane& w1, const Lane& w2, Lane& l1,
-                            Lane& l2) {
+CAIRN_HD inline void step_pyramid(const Real* hot, const Lane& bound, const Lane& y1, const Lane& y2, const Lane& w1, const Lane& w2,
+                                  Lane& l1, Lane& l2) {
+    l1 = clamp(y1 - w1 * load_as<Lane>(hot + kInverseT1 * kGroup), -bound, bound);
+    const Lane w = w2 + load_as<Lane>(hot + kDt12 * kGroup) * (l1 - y1);
+    l2 = clamp(y2 - w * load_as<Lane>(hot + kInverseT2 * kGroup), -bound, bound);
+}
+CAIRN_HD inline void step_cone(const Real* hot, const Lane& bound, const Lane& y1, const Lane& y2, const Lane& w1, const Lane& w2, Lane& l1,
+                               Lane& l2) {
     l1 = y1 - w1 * load_as<Lane>(hot + kInverseT1 * kGroup);
-    if constexpr (kPyramid) {
-        l1 = clamp(l1, -bound, bound);
-        const Lane w = w2 + load_as<Lane>(hot + kDt12 * kGroup) * (l1 - y1);
-        l2 = clamp(y2 - w * load_as<Lane>(hot + kInverseT2 * kGroup), -bound, bound);
-    } else {
-        l2 = y2 - w2 * load_as<Lane>(hot + kInverseT2 * kGroup);
-        const Lane size = l1 * l1 + l2 * l2;
-        const auto outside = size > bound * bound;
-        const Lane scale = select(outside, bound / root(select(outside, size, Lane(Real(1)))), Lane(Real(1)));
-        l1 = l1 * scale;
-        l2 = l2 * scale;
-    }
+    l2 = y2 - w2 * load_as<Lane>(hot + kInverseT2 * kGroup);
+    const Lane size = l1 * l1 + l2 * l2;
+    const auto outside = size > bound * bound;
+    const Lane scale = select(outside, bound / root(select(outside, size, Lane(Real(1)))), Lane(Real(1)));
+    l1 = l1 * scale;
+    l2 = l2 * scale;
+}
+
+// New angular impulse of rolling and spinning friction from the old one y, where `speed` is the bodies' relative angular velocity and
+// `k` the split mass matrix. Rolling goes after spinning.
+CAIRN_HD inline Vec3<Lane> step_torsion(const Real* extra, const Vec3<Lane>& n, const Lane& ln, const Vec3<Lane>& y,
+                                        const Vec3<Lane>& speed, const Sym3<Lane>& k) {
+    const Lane yn = dot(n, y), spinning = load_as<Lane>(extra + kSpinningBound * kGroup) * ln;
+    const Lane spin = clamp(yn - dot(n, speed) * load_as<Lane>(extra + kInverseSpin * kGroup), -spinning, spinning);
+    const Vec3<Lane> later = speed + k * (n * (spin - yn));
+    const Vec3<Lane> rate = later - n * dot(n, later);
+    const Vec3<Lane> roll = (y - n * yn) - rate * load_as<Lane>(extra + kInverseRoll * kGroup);
+    const Lane bound = load_as<Lane>(extra + kRollingBound * kGroup) * ln, size = dot(roll, roll), one = Lane(Real(1));
+    const auto outside = size > bound * bound;
+    return n * spin + roll * select(outside, bound / root(select(outside, size, one)), one);
 }
 
 // One sweep over the manifolds of a group. Point blocks all see the velocities of the sweep's start; a manifold block is one
 // inner Gauss-Seidel sweep on local velocities that move with the split mass n M^-1 (with the whole mass it would oscillate);
 // D_tn carries the normal's change to the tangents in both.
-template <bool kManifold, bool kFrictional, bool kPyramid, bool kReduces>
+template <bool kManifold, ContactKind kKind, bool kPyramid, bool kReduces>
 CAIRN_HD void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
+    constexpr bool kFrictional = kKind != ContactKind::smooth, kSpecial = kKind == ContactKind::special;
     const Lane zero = Lane(Real(0));
     Motion<Lane> va = gather_motion(f.velocity, f.lane_a + lane), vb = gather_motion(f.velocity, f.lane_b + lane);
     const Lane beta = maximum(va.beta, vb.beta);
     const auto active = maximum(va.active, vb.active) > zero;
     Mass<Lane> ma, mb;
-    if constexpr (kManifold) {
+    if constexpr (kManifold || kSpecial) {
         ma = split_mass(gather_mass(f, f.lane_a + lane));
         mb = split_mass(gather_mass(f, f.lane_b + lane));
     }
@@ -177,6 +236,9 @@ CAIRN_HD void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t l
     const std::uint32_t now = kLambda + 3 * f.current, before = kLambda + 3 * (1 - f.current);
     for (std::uint32_t p = 0; p < g.count; ++p) {
         Real* hot = fields_of(f.contact, kContactFields, g, p, sub);
+        Real* extra = nullptr;
+        if constexpr (kSpecial)
+            extra = fields_of(f.contact_extra, kContactExtraFields, g, p, sub);
         const PointGeometry q = load_point(hot);
         const Vec3<Lane> u = slip(q, va, vb);
 
@@ -200,10 +262,16 @@ CAIRN_HD void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t l
             const Lane x1 = load_as<Lane>(hot + (now + 1) * kGroup), x2 = load_as<Lane>(hot + (now + 2) * kGroup);
             const Lane y1 = kReduces ? x1 + beta * (x1 - load_as<Lane>(hot + (before + 1) * kGroup)) : x1;
             const Lane y2 = kReduces ? x2 + beta * (x2 - load_as<Lane>(hot + (before + 2) * kGroup)) : x2;
-            const Lane w1 = dot(q.t1, u) + load_as<Lane>(hot + kDn1 * kGroup) * dn;
-            const Lane w2 = dot(q.t2, u) + load_as<Lane>(hot + kDn2 * kGroup) * dn;
+            Lane w1 = dot(q.t1, u) + load_as<Lane>(hot + kDn1 * kGroup) * dn;
+            Lane w2 = dot(q.t2, u) + load_as<Lane>(hot + kDn2 * kGroup) * dn;
+            if constexpr (kSpecial) {
+                w1 = w1 - load_as<Lane>(extra + kSlipTarget * kGroup);
+                w2 = w2 - load_as<Lane>(extra + (kSlipTarget + 1) * kGroup);
+            }
             Lane l1, l2;
-            step_friction<kPyramid>(hot, load_as<Lane>(hot + kFriction * kGroup) * ln, y1, y2, w1, w2, l1, l2);
+            const Lane bound = load_as<Lane>(hot + kFriction * kGroup) * ln;
+            kPyramid || (kSpecial && f.pyramid) ? step_pyramid(hot, bound, y1, y2, w1, w2, l1, l2)
+                                                : step_cone(hot, bound, y1, y2, w1, w2, l1, l2);
             if constexpr (kReduces) {
                 l1 = select(active, l1, x1);
                 l2 = select(active, l2, x2);
@@ -218,6 +286,29 @@ CAIRN_HD void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t l
             }
             impulse = impulse + (q.t1 * d1 + q.t2 * d2);
             gain = gain + (q.t1 * (l1 - x1) + q.t2 * (l2 - x2));
+        }
+        if (kSpecial && g.contact == ContactKind::torsional) {
+            const Vec3<Lane> on_a = cross(q.a, impulse), on_b = cross(q.b, impulse);
+            const Vec3<Lane> x = load3(extra + (kTorque + 3 * f.current) * kGroup);
+            const Vec3<Lane> y = kReduces ? x + (x - load3(extra + (kTorque + 3 * (1 - f.current)) * kGroup)) * beta : x;
+            const Vec3<Lane> speed = (vb.angular + mb.angular * on_b) - (va.angular - ma.angular * on_a);
+            Vec3<Lane> torque = step_torsion(extra, q.n, ln, y, speed, ma.angular + mb.angular);
+            if constexpr (kReduces)
+                torque = select(active, torque, x);
+            store3(torque, extra + (kTorque + 3 * (1 - f.current)) * kGroup);
+            const Vec3<Lane> d = torque - y;
+            if constexpr (kReduces) {
+                const Lane dspin = dot(q.n, d), roll = load_as<Lane>(extra + kDRoll * kGroup);
+                const Vec3<Lane> e = d * roll + q.n * (dspin * (load_as<Lane>(extra + kDSpin * kGroup) - roll));
+                restart = restart - dot(e, torque - x);
+                residual = residual + dot(e, d);
+            }
+            if constexpr (kManifold) {
+                va.angular = va.angular - ma.angular * d;
+                vb.angular = vb.angular + mb.angular * d;
+            }
+            turn_a = turn_a + (torque - x);
+            turn_b = turn_b + (torque - x);
         }
         if (kManifold && p + 1 < g.count) {
             va.linear = va.linear - times(ma.linear, impulse);
@@ -236,11 +327,13 @@ CAIRN_HD void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t l
 
 template <bool kManifold, bool kReduces>
 CAIRN_HD void sweep_contacts_of(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
-    if (!g.friction)
-        return sweep_contacts<kManifold, false, false, kReduces>(f, g, lane, sub);
+    if (g.special())
+        return sweep_contacts<kManifold, ContactKind::special, false, kReduces>(f, g, lane, sub);
+    if (g.contact == ContactKind::smooth)
+        return sweep_contacts<kManifold, ContactKind::smooth, false, kReduces>(f, g, lane, sub);
     if (f.pyramid)
-        return sweep_contacts<kManifold, true, true, kReduces>(f, g, lane, sub);
-    sweep_contacts<kManifold, true, false, kReduces>(f, g, lane, sub);
+        return sweep_contacts<kManifold, ContactKind::frictional, true, kReduces>(f, g, lane, sub);
+    sweep_contacts<kManifold, ContactKind::frictional, false, kReduces>(f, g, lane, sub);
 }
 CAIRN_HD inline void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     if (f.manifold_blocks)
@@ -265,6 +358,8 @@ CAIRN_HD inline void position_contacts(const Frame<Real>& f, const Group& g, std
         Lane c = separation_of(cold, q.n, pa, pb);
         if (f.manifold_blocks)
             c = c + (dot(q.n, shift_b - shift_a) + (dot(bn, spin_b) - dot(an, spin_a)));
+        if (g.special()) // a spring is as long as its load makes it
+            c = select(load_as<Lane>(fields_of(f.contact_extra, kContactExtraFields, g, p, sub) + kSpringGamma * kGroup) > zero, zero, c);
         const Vec3<Lane> impulse = q.n * select(c < zero, -c * inverse_or_zero(d), zero);
         const Vec3<Lane> on_a = cross(q.a, impulse), on_b = cross(q.b, impulse);
         if (f.manifold_blocks) {
@@ -288,6 +383,10 @@ CAIRN_HD inline void accumulate_contacts(const Frame<Real>& f, const Group& g, s
         const Real* hot = fields_of(f.contact, kContactFields, g, p, sub);
         Real* total = fields_of(f.contact_cold, kContactColdFields, g, p, sub) + kTotal * kGroup;
         add_to_totals(f, takes_part, load3(hot + (kLambda + 3 * f.current) * kGroup), total);
+        if (g.contact == ContactKind::torsional) {
+            Real* extra = fields_of(f.contact_extra, kContactExtraFields, g, p, sub);
+            add_to_totals(f, takes_part, load3(extra + (kTorque + 3 * f.current) * kGroup), extra + kTorqueTotal * kGroup);
+        }
     }
 }
 

@@ -5,17 +5,6 @@
 
 namespace cairn {
 
-namespace {
-
-bool rubs(const Input& input, const Block& block, const Params& params) {
-    for (std::uint32_t p = 0; p < block.count; ++p)
-        if (contact_rubs(input.contacts, block.first + p, params.friction_model))
-            return true;
-    return false;
-}
-
-} // namespace
-
 template <class S> void Scene<S>::find_blocks(const Input& input, const Params& params) {
     const auto add = [](std::vector<Block>& blocks, std::int32_t a, std::int32_t b, std::uint32_t i, std::uint32_t most) {
         if (!blocks.empty()) {
@@ -70,9 +59,11 @@ template <class S> void Scene<S>::find_blocks(const Input& input, const Params& 
         if (movable(block.b))
             split_counts[static_cast<std::size_t>(block.b)] += n;
     };
-    for (const Block& block : contact_blocks_) {
+    for (Block& block : contact_blocks_) {
+        for (std::uint32_t p = 0; p < block.count; ++p)
+            block.contact = std::min(block.contact, contact_kind(input.contacts, block.first + p, params.friction_model));
         share(block, params.splitting == Splitting::manifold ? 1 : block.count);
-        rows += block.count * (rubs(input, block, params) ? 3u : 1u);
+        rows += block.count * rows_of(block.contact);
     }
     for (const Block& block : joint_blocks_)
         share(block, 1);
@@ -115,7 +106,7 @@ template <class S> void Scene<S>::find_islands() {
 }
 
 // Groups of lanes: blocks of one shape side by side, in the order of the input.
-template <class S> void Scene<S>::lay_out(const Input& input, const Params& params) {
+template <class S> void Scene<S>::lay_out(const Input& input) {
     contact_groups_.clear();
     joint_groups_.clear();
     raw_groups_.clear();
@@ -138,7 +129,7 @@ template <class S> void Scene<S>::lay_out(const Input& input, const Params& para
     };
     for (std::uint32_t shape = 0; shape < kContactShapes; ++shape)
         fill(contact_blocks_, contact_groups_, contact_group_of(shape),
-             [&](const Block& block) { return contact_shape(block.count, rubs(input, block, params)) == shape; });
+             [&](const Block& block) { return contact_shape(block.count, block.contact) == shape; });
     for (std::uint32_t shape = 0; shape < kJointShapes; ++shape)
         fill(joint_blocks_, joint_groups_, joint_group_of(shape), [&](const Block& block) {
             return joint_shape(joint_rotation(input.joints, block.first), joint_bounded(input.joints, block.first)) == shape;
@@ -209,8 +200,8 @@ template void Scene<float>::find_blocks(const Input&, const Params&);
 template void Scene<double>::find_blocks(const Input&, const Params&);
 template void Scene<float>::find_islands();
 template void Scene<double>::find_islands();
-template void Scene<float>::lay_out(const Input&, const Params&);
-template void Scene<double>::lay_out(const Input&, const Params&);
+template void Scene<float>::lay_out(const Input&);
+template void Scene<double>::lay_out(const Input&);
 template void Scene<float>::assign_slots();
 template void Scene<double>::assign_slots();
 

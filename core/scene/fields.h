@@ -82,6 +82,12 @@ inline constexpr std::array kContactTable = {
     Field{"key", &cairn_contacts::key, &ContactColumns::key, Kind::key, 1, false, kAny},
     Field{"flags", &cairn_contacts::flags, &ContactColumns::flags, Kind::integer, 1, false,
           bits_of(CAIRN_CONTACT_ROUND_A | CAIRN_CONTACT_ROUND_B, "CAIRN_CONTACT_ROUND_A (1) and ROUND_B (2)")},
+    Field{"friction_scale", &cairn_contacts::friction_scale, &ContactColumns::friction_scale, Kind::real, 2, false, kNotNegative},
+    Field{"surface_velocity", &cairn_contacts::surface_velocity, &ContactColumns::surface_velocity, Kind::real, 3, false, kFinite},
+    Field{"rolling_friction", &cairn_contacts::rolling_friction, &ContactColumns::rolling_friction, Kind::real, 1, false, kNotNegative},
+    Field{"spinning_friction", &cairn_contacts::spinning_friction, &ContactColumns::spinning_friction, Kind::real, 1, false, kNotNegative},
+    Field{"stiffness", &cairn_contacts::stiffness, &ContactColumns::stiffness, Kind::real, 1, false, kNotNegative},
+    Field{"damping", &cairn_contacts::damping, &ContactColumns::damping, Kind::real, 1, false, kNotNegative},
 };
 
 inline constexpr std::array kJointTable = {
@@ -137,6 +143,7 @@ inline constexpr std::array kResultTable = {
     ResultField{"friction_impulse", &cairn_results::friction_impulse, &Output::friction_impulse, Of::contacts, 3, nullptr},
     ResultField{"joint_impulse", &cairn_results::joint_impulse, &Output::joint_impulse, Of::joints, 6, nullptr},
     ResultField{"row_impulse", &cairn_results::row_impulse, &Output::row_impulse, Of::rows, 1, nullptr},
+    ResultField{"torsion_impulse", &cairn_results::torsion_impulse, &Output::torsion_impulse, Of::contacts, 3, nullptr},
 };
 
 } // namespace cairn

@@ -58,6 +58,21 @@ enum ContactColdField : std::uint32_t {
     kKept = kTotal + 3, // of the last substep
     kContactColdFields = kKept + 3,
 };
+// Fields of points in groups that are `special`; the others have none.
+enum ContactExtraField : std::uint32_t {
+    kSlipTarget = 0, // t1 . u and t2 . u that friction drives to
+    kSpringRate = 2,
+    kSpringGamma,  // of a contact that is a spring and damper; gamma is 0 where it is rigid
+    kRollingBound, // coefficients of rolling and spinning friction, m
+    kSpinningBound,
+    kInverseRoll,
+    kInverseSpin,
+    kDRoll,
+    kDSpin,  // the majoriser's diagonal and its inverse
+    kTorque, // two buffers of three: angular impulse on b, world axes
+    kTorqueTotal = kTorque + 6,
+    kContactExtraFields = kTorqueTotal + 3,
+};
 
 // Joints: axes 0-2 translate, 3-5 rotate.
 enum JointField : std::uint32_t {
@@ -120,15 +135,23 @@ enum RawField : std::uint32_t {
 };
 
 // Lanes side by side are of one shape; shapes in the order in which they are laid out.
-constexpr std::uint32_t kContactShapes = 2 * kPoints, kJointShapes = 12, kRawShapes = kRawRows;
+// What the points of a manifold have, the most that any of them has; special: a spring, or a target for the slip.
+enum class ContactKind : std::uint32_t { torsional, special, frictional, smooth };
+CAIRN_HD constexpr std::uint32_t rows_of(ContactKind kind) {
+    return kind == ContactKind::torsional ? 6 : kind == ContactKind::smooth ? 1 : 3;
+}
+
+constexpr std::uint32_t kContactShapes = 4 * kPoints, kJointShapes = 12, kRawShapes = kRawRows;
 
 struct Group {
     std::uint32_t first = 0;       // place of lane 0's first point (joint, row) among all of its kind
     std::uint32_t stride = kGroup; // from a lane's point to its next
     std::uint32_t count = 0;       // points of each manifold, rows of each raw block, 1 for joints
     Rotation rotation = Rotation::none;
-    bool friction = false; // contacts: some lane has friction
-    bool bounded = false;  // joints: some lane has a limited or driven axis
+    ContactKind contact = ContactKind::smooth;
+    bool bounded = false; // joints: some lane has a limited or driven axis
+
+    CAIRN_HD bool special() const { return contact <= ContactKind::special; }
 };
 
 // The first of `fields` numbers, kGroup apart, of place i of an array of constraints ...
@@ -140,11 +163,14 @@ template <class S> CAIRN_HD S* fields_of(S* array, std::uint32_t fields, const G
     return fields_at(array, fields, g.first + static_cast<std::size_t>(p) * g.stride + sub);
 }
 
-CAIRN_HD inline std::uint32_t contact_shape(std::uint32_t count, bool friction) { return 2 * (kPoints - count) + (friction ? 0u : 1u); }
+// Special ones come first, so that their points do.
+CAIRN_HD inline std::uint32_t contact_shape(std::uint32_t count, ContactKind kind) {
+    return kPoints * static_cast<std::uint32_t>(kind) + (kPoints - count);
+}
 CAIRN_HD inline Group contact_group_of(std::uint32_t shape) {
     Group g;
-    g.count = kPoints - shape / 2;
-    g.friction = shape % 2 == 0;
+    g.count = kPoints - shape % kPoints;
+    g.contact = static_cast<ContactKind>(shape / kPoints);
     return g;
 }
 CAIRN_HD inline std::uint32_t joint_shape(Rotation rotation, bool bounded) {
@@ -207,7 +233,7 @@ template <class S> struct Frame : Progress {
     double* energy_change;           // per body: of its kinetic energy, over the sweeps of all substeps
     // constraints: per group
     const Group *contact_group, *joint_group, *raw_group;
-    S *contact, *contact_cold, *joint, *joint_cold, *raw;
+    S *contact, *contact_cold, *contact_extra, *joint, *joint_cold, *raw;
     // per lane, contacts first, then joints, then raw blocks
     const std::int32_t *lane_a, *lane_b, *slot_a, *slot_b;
     const std::uint32_t* lane_partial; // where the lane's share of its island's sums goes

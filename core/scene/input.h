@@ -79,6 +79,13 @@ struct ContactColumns {
     std::uint64_t revision = 0;
     bool on_device = false; // a column of it is: capi has not checked the elements
     Column body_a, body_b, normal, arm_a, arm_b, separation, friction, restitution, tangent, key, flags;
+    Column friction_scale, surface_velocity, rolling_friction, spinning_friction, stiffness, damping;
+
+    // May a contact have what only special groups do?
+    CAIRN_HD bool special() const {
+        return surface_velocity.present() || rolling_friction.present() || spinning_friction.present() || stiffness.present() ||
+               damping.present();
+    }
 };
 
 struct JointColumns {
@@ -106,7 +113,7 @@ struct Input {
 
 struct Output {
     MutableColumn position, orientation, linear_velocity, angular_velocity;
-    MutableColumn contact_impulse, friction_impulse, joint_impulse, row_impulse;
+    MutableColumn contact_impulse, friction_impulse, joint_impulse, row_impulse, torsion_impulse;
 };
 
 } // namespace cairn

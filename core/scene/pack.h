@@ -3,6 +3,7 @@
 #pragma once
 #include "../math/vec.h"
 #include "../method/params.h"
+#include "../rows/soft.h"
 #include "frame.h"
 #include "input.h"
 
@@ -112,18 +113,48 @@ CAIRN_HD void pack_body(const BodyColumns& in, std::size_t i, double dt, const d
 
 template <class S> CAIRN_HD S* field_at(S* base, std::size_t field) { return base + field * kGroup; }
 
-CAIRN_HD inline bool contact_rubs(const ContactColumns& in, std::size_t i, Friction model) {
-    return model != Friction::none && in.friction.present() && in.friction.real(i) > 0;
+// The larger coefficient of the two tangents.
+CAIRN_HD inline double contact_friction(const ContactColumns& in, std::size_t i, Friction model) {
+    if (model == Friction::none || !in.friction.present())
+        return 0;
+    const double scale = in.friction_scale.present() ? maximum(in.friction_scale.real(i, 0), in.friction_scale.real(i, 1)) : 1;
+    return minimum(in.friction.real(i) * scale, kHuge);
+}
+CAIRN_HD inline bool contact_is_spring(const ContactColumns& in, std::size_t i) {
+    return real_or(in.stiffness, i, 0) > 0 || real_or(in.damping, i, 0) > 0;
+}
+CAIRN_HD inline bool contact_bounces(const ContactColumns& in, std::size_t i) {
+    return real_or(in.restitution, i, 0) > 0 && !contact_is_spring(in, i);
+}
+CAIRN_HD inline ContactKind contact_kind(const ContactColumns& in, std::size_t i, Friction model) {
+    const bool rubs = contact_friction(in, i, model) > 0;
+    if (in.special()) {
+        if (model != Friction::none && (real_or(in.rolling_friction, i, 0) > 0 || real_or(in.spinning_friction, i, 0) > 0))
+            return ContactKind::torsional;
+        const DVec belt = real3(in.surface_velocity, i);
+        if (contact_is_spring(in, i) || (rubs && (belt.x != 0 || belt.y != 0 || belt.z != 0)))
+            return ContactKind::special;
+    }
+    return rubs ? ContactKind::frictional : ContactKind::smooth;
 }
 
+// extra: of points in special groups, else null
 template <class S>
-CAIRN_HD void pack_contact(const ContactColumns& in, std::size_t i, Friction model, double h, const double* last, S* hot, S* cold) {
+CAIRN_HD void pack_contact(const ContactColumns& in, std::size_t i, Friction model, double h, const double* last, S* hot, S* cold,
+                           S* extra) {
     const DVec n = normalized(real3(in.normal, i)), arm_a = real3(in.arm_a, i), arm_b = real3(in.arm_b, i);
-    const double separation = in.separation.real(i);
-    const double given = real_or(in.friction, i, 0), friction = model == Friction::none ? 0 : given < kHuge ? given : kHuge;
+    const double separation = in.separation.real(i), friction = contact_friction(in, i, model);
     const DVec wish = real3(in.tangent, i), flat = wish - n * dot(wish, n);
     const bool chosen = dot(flat, flat) > 1e-12 * dot(wish, wish) && dot(wish, wish) > 0;
-    const DVec t1 = chosen ? normalized(flat) : perpendicular(n), t2 = cross(n, t1);
+    DVec t1 = chosen ? normalized(flat) : perpendicular(n), t2 = cross(n, t1);
+    double per_t1 = 1, per_t2 = 1;                     // 1/|t|^2
+    if (friction > 0 && in.friction_scale.present()) { // the cone's ellipse is a disc of radius `friction` in shorter tangents
+        const double s1 = in.friction_scale.real(i, 0), s2 = in.friction_scale.real(i, 1), most = maximum(s1, s2);
+        t1 = t1 * (s1 / most);
+        t2 = t2 * (s2 / most);
+        per_t1 = inverse_or_zero(dot(t1, t1));
+        per_t2 = inverse_or_zero(dot(t2, t2));
+    }
     put3(field_at(hot, kNormal), kGroup, n);
     put3(field_at(hot, kTangent1), kGroup, t1);
     put3(field_at(hot, kTangent2), kGroup, t2);
@@ -137,11 +168,24 @@ CAIRN_HD void pack_contact(const ContactColumns& in, std::size_t i, Friction mod
     const std::uint32_t flags = flags_of(in.flags, i);
     *field_at(cold, kTurnsA) = flags & 1u ? S(0) : S(1);
     *field_at(cold, kTurnsB) = flags & 2u ? S(0) : S(1);
-    *field_at(cold, kRestitution) = static_cast<S>(real_or(in.restitution, i, 0));
+    *field_at(cold, kRestitution) = static_cast<S>(contact_bounces(in, i) ? in.restitution.real(i) : 0);
     if (last) {
         const DVec tangential{last[1], last[2], last[3]};
-        put3(field_at(hot, kLambda), kGroup, DVec{last[0] * h, dot(tangential, t1) * h, dot(tangential, t2) * h});
+        put3(field_at(hot, kLambda), kGroup, DVec{last[0] * h, dot(tangential, t1) * per_t1 * h, dot(tangential, t2) * per_t2 * h});
     }
+    if (!extra)
+        return;
+    const DVec belt = real3(in.surface_velocity, i);
+    *field_at(extra, kSlipTarget) = static_cast<S>(dot(belt, t1));
+    *field_at(extra, kSlipTarget + 1) = static_cast<S>(dot(belt, t2));
+    if (contact_is_spring(in, i)) {
+        const double k = minimum(real_or(in.stiffness, i, 0), kHuge), c = minimum(real_or(in.damping, i, 0), kHuge);
+        *field_at(extra, kSpringRate) = static_cast<S>(minimum(spring_rate(k, c, h), 1 / h));
+        *field_at(extra, kSpringGamma) = static_cast<S>(clamp(spring_compliance(k, c, h), 1 / kHuge, kHuge));
+    }
+    const double none = 0;
+    *field_at(extra, kRollingBound) = static_cast<S>(model == Friction::none ? none : minimum(real_or(in.rolling_friction, i, 0), kHuge));
+    *field_at(extra, kSpinningBound) = static_cast<S>(model == Friction::none ? none : minimum(real_or(in.spinning_friction, i, 0), kHuge));
 }
 
 // ---- Joints ----

@@ -8,10 +8,10 @@ namespace cairn {
 template <class S>
 Scene<S>::Scene(const Hooks& hooks)
     : constants_(hooks), velocity_(hooks), iterate_(hooks), displacement_(hooks), mass_(hooks), mass_cross_(hooks), slots_(hooks),
-      contact_(hooks), contact_cold_(hooks), joint_(hooks), joint_cold_(hooks), raw_(hooks), lane_static_(hooks), partial_restart_(hooks),
-      partial_residual_(hooks), lane_a_(hooks), lane_b_(hooks), slot_a_(hooks), slot_b_(hooks), lane_partial_(hooks), lane_island_(hooks),
-      moving_(hooks), body_island_(hooks), slot_begin_(hooks), clamped_(hooks), island_begin_(hooks), island_bounces_(hooks),
-      energy_change_(hooks), control_(hooks), trace_(hooks) {}
+      contact_(hooks), contact_cold_(hooks), contact_extra_(hooks), joint_(hooks), joint_cold_(hooks), raw_(hooks), lane_static_(hooks),
+      partial_restart_(hooks), partial_residual_(hooks), lane_a_(hooks), lane_b_(hooks), slot_a_(hooks), slot_b_(hooks),
+      lane_partial_(hooks), lane_island_(hooks), moving_(hooks), body_island_(hooks), slot_begin_(hooks), clamped_(hooks),
+      island_begin_(hooks), island_bounces_(hooks), energy_change_(hooks), control_(hooks), trace_(hooks) {}
 
 template <class S> void Scene<S>::pack_bodies(const Input& input, std::uint32_t substeps) {
     const BodyColumns& in = input.bodies;
@@ -46,7 +46,7 @@ template <class S> void Scene<S>::pack(const Input& input, const Params& params,
     pack_bodies(input, params.substeps);
     find_blocks(input, params);
     find_islands();
-    lay_out(input, params);
+    lay_out(input);
     assign_slots();
 
     const auto places = [](const std::vector<Group>& groups) {
@@ -55,6 +55,10 @@ template <class S> void Scene<S>::pack(const Input& input, const Params& params,
     const std::size_t points = places(contact_groups_), joint_places = places(joint_groups_);
     frame.contact = contact_.resize_filled(points * kContactFields, 0);
     frame.contact_cold = contact_cold_.resize_filled(points * kContactColdFields, 0);
+    std::size_t special_points = 0;
+    for (const Group& g : contact_groups_)
+        special_points += g.special() ? std::size_t{g.count} * kGroup : 0;
+    frame.contact_extra = contact_extra_.resize_filled(special_points * kContactExtraFields, 0);
     frame.joint = joint_.resize_filled(joint_places * kJointFields, 0);
     frame.joint_cold = joint_cold_.resize_filled(joint_places * kJointColdFields, 0);
     for (std::size_t i = 0; i < joint_places; ++i) // idle lanes have unit quaternions, too
@@ -73,10 +77,10 @@ template <class S> void Scene<S>::pack(const Input& input, const Params& params,
     for (const Block& block : contact_blocks_)
         for (std::uint32_t p = 0; p < block.count; ++p) {
             const std::size_t i = block.first + p;
-            bounces = bounces || real_or(input.contacts.restitution, i, 0) > 0;
+            bounces = bounces || contact_bounces(input.contacts, i);
             pack_contact(input.contacts, i, params.friction_model, h,
                          recall(cache.contacts, input.contacts.key, i, params.contact_warm_start), contact_at(block, p),
-                         contact_cold_at(block, p));
+                         contact_cold_at(block, p), contact_extra_at(block, p));
         }
     for (const Block& block : joint_blocks_)
         pack_joint(input.bodies, input.joints, block.first, h, recall(cache.joints, input.joints.key, block.first, params.joint_warm_start),
@@ -139,7 +143,7 @@ template <class S> void Scene<S>::write(const Input& input, const Output& output
         clear_contact(output, i);
     for (const Block& block : contact_blocks_)
         for (std::uint32_t p = 0; p < block.count; ++p)
-            write_contact(output, block.first + p, contact_at(block, p), contact_cold_at(block, p));
+            write_contact(output, block.first + p, contact_at(block, p), contact_cold_at(block, p), contact_extra_at(block, p));
     for (std::size_t i = 0; i < input.joints.count; ++i)
         clear_joint(output, i);
     for (const Block& block : joint_blocks_)

@@ -17,6 +17,7 @@ struct Block {
     std::uint32_t first, count; // elements of its table
     std::uint32_t lane;         // over all kinds
     std::uint32_t island;
+    ContactKind contact = ContactKind::smooth;
 };
 
 template <class S> class Scene {
@@ -40,7 +41,7 @@ template <class S> class Scene {
     void pack_bodies(const Input& input, std::uint32_t substeps);
     void find_blocks(const Input& input, const Params& params);
     void find_islands();
-    void lay_out(const Input& input, const Params& params);
+    void lay_out(const Input& input);
     void assign_slots();
     bool movable(std::int32_t body) const { return body >= 0 && constants_[static_cast<std::size_t>(body)].movable; }
 
@@ -56,13 +57,18 @@ template <class S> class Scene {
     S* contact_cold_at(const Block& block, std::uint32_t p) const {
         return field_of(frame.contact_cold, kContactColdFields, contact_groups_, block.lane, p);
     }
+    // null where its group is not special
+    S* contact_extra_at(const Block& block, std::uint32_t p) const {
+        return block.contact > ContactKind::special ? nullptr
+                                                    : field_of(frame.contact_extra, kContactExtraFields, contact_groups_, block.lane, p);
+    }
     S* joint_at(const Block& block) const { return field_of(frame.joint, kJointFields, joint_groups_, joint_lane(block), 0); }
     S* joint_cold_at(const Block& block) const { return field_of(frame.joint_cold, kJointColdFields, joint_groups_, joint_lane(block), 0); }
     S* raw_at(const Block& block, std::uint32_t r) const { return field_of(frame.raw, kRawFields, raw_groups_, raw_lane(block), r); }
 
     Buffer<BodyConstants<S>> constants_;
     Buffer<S> velocity_, iterate_, displacement_, mass_, mass_cross_, slots_;
-    Buffer<S> contact_, contact_cold_, joint_, joint_cold_, raw_, lane_static_, partial_restart_, partial_residual_;
+    Buffer<S> contact_, contact_cold_, contact_extra_, joint_, joint_cold_, raw_, lane_static_, partial_restart_, partial_residual_;
     Buffer<std::int32_t> lane_a_, lane_b_, slot_a_, slot_b_;
     Buffer<std::uint32_t> lane_partial_, lane_island_, moving_, body_island_, slot_begin_, clamped_, island_begin_;
     Buffer<std::uint8_t> island_bounces_;

@@ -39,12 +39,15 @@ template <class S> CAIRN_HD DVec friction_vector(const S* hot, const S* lambda) 
     const DVec l = get3(lambda, kGroup);
     return get3(field_at(hot, kTangent1), kGroup) * l.y + get3(field_at(hot, kTangent2), kGroup) * l.z;
 }
-template <class S> CAIRN_HD void write_contact(const Output& output, std::size_t i, const S* hot, const S* cold) {
+// extra: of points in special groups, else null
+template <class S> CAIRN_HD void write_contact(const Output& output, std::size_t i, const S* hot, const S* cold, const S* extra) {
     const S* total = field_at(cold, kTotal);
     if (output.contact_impulse.present())
         output.contact_impulse.set(i, 0, static_cast<double>(*total));
     if (output.friction_impulse.present())
         put_result(output.friction_impulse, i, friction_vector(hot, total));
+    if (output.torsion_impulse.present() && extra)
+        put_result(output.torsion_impulse, i, get3(field_at(extra, kTorqueTotal), kGroup));
 }
 template <class S> CAIRN_HD void write_joint(const Output& output, std::size_t i, const S* cold) {
     const S* total = field_at(cold, kJointTotal);
@@ -62,6 +65,8 @@ CAIRN_HD inline void clear_contact(const Output& output, std::size_t i) {
         output.contact_impulse.set(i, 0, 0);
     if (output.friction_impulse.present())
         put_result(output.friction_impulse, i, {0, 0, 0});
+    if (output.torsion_impulse.present())
+        put_result(output.torsion_impulse, i, {0, 0, 0});
 }
 CAIRN_HD inline void clear_joint(const Output& output, std::size_t i) {
     if (output.joint_impulse.present())

@@ -30,6 +30,7 @@ struct SmallWorld {
         std::uint64_t key;
         double impulse, friction_impulse[3];
         std::uint32_t flags, padding;
+        double friction_scale[2], surface_velocity[3], rolling_friction, spinning_friction, stiffness, damping, torsion_impulse[3];
     };
     struct Joint {
         std::int32_t body_a, body_b;
@@ -100,6 +101,7 @@ inline SmallWorld::SmallWorld() {
         contact.arm_a[1] = 0.5;
         contact.arm_b[1] = -0.5;
         contact.friction = 0.5;
+        contact.friction_scale[0] = contact.friction_scale[1] = 1;
         contact.key = static_cast<std::uint64_t>(100 - i);
     }
     for (std::int32_t i = 0; i < 3; ++i) {
@@ -163,7 +165,13 @@ inline SmallWorld::SmallWorld() {
                      view(&contacts[0].restitution, contact),
                      view(contacts[0].tangent, contact),
                      view(&contacts[0].key, contact),
-                     view(&contacts[0].flags, contact)};
+                     view(&contacts[0].flags, contact),
+                     view(contacts[0].friction_scale, contact),
+                     view(contacts[0].surface_velocity, contact),
+                     view(&contacts[0].rolling_friction, contact),
+                     view(&contacts[0].spinning_friction, contact),
+                     view(&contacts[0].stiffness, contact),
+                     view(&contacts[0].damping, contact)};
     joint_table = {sizeof joint_table,
                    3,
                    0,
@@ -204,7 +212,8 @@ inline SmallWorld::SmallWorld() {
                view(&contacts[0].impulse, contact),
                view(contacts[0].friction_impulse, contact),
                view(joints[0].impulse, joint),
-               view(&rows[0].impulse, row)};
+               view(&rows[0].impulse, row),
+               view(contacts[0].torsion_impulse, contact)};
 }
 
 // A step of that world. One program's is step_on_host.cpp's; another's keeps the arrays in device memory (tests/gpu).

@@ -12,7 +12,7 @@ class RefusedData : public SmallWorldTest {
 
 TEST_F(RefusedData, TheWorldItselfIsAccepted) {
     accepted("unbroken", [](W&) {});
-    accepted("no results", [](W& w) { w.results = {sizeof w.results, 0, {}, {}, {}, {}, {}, {}, {}, {}}; });
+    accepted("no results", [](W& w) { w.results = {sizeof w.results, 0, {}, {}, {}, {}, {}, {}, {}, {}, {}}; });
 }
 
 TEST_F(RefusedData, Bodies) {
@@ -58,6 +58,14 @@ TEST_F(RefusedData, Contacts) {
     bad({"contacts.restitution[2] is -0.5"}, [](W& w) { w.contacts[2].restitution = -0.5; });
     bad({"contacts.tangent[2][2] is -inf"}, [](W& w) { w.contacts[2].tangent[2] = -kInf; });
     bad({"contacts.flags[2] is 4294967295"}, [](W& w) { w.contacts[2].flags = 0xffffffffu; });
+    bad({"contacts.friction_scale[3][1] is -1", ">= 0"}, [](W& w) { w.contacts[3].friction_scale[1] = -1; });
+    bad({"contacts.friction_scale[3][0] is nan"}, [](W& w) { w.contacts[3].friction_scale[0] = kNan; });
+    bad({"contacts.surface_velocity[1][2] is inf"}, [](W& w) { w.contacts[1].surface_velocity[2] = kInf; });
+    bad({"contacts.rolling_friction[4] is -0.125"}, [](W& w) { w.contacts[4].rolling_friction = -0.125; });
+    bad({"contacts.rolling_friction[4] is inf"}, [](W& w) { w.contacts[4].rolling_friction = kInf; });
+    bad({"contacts.spinning_friction[0] is nan"}, [](W& w) { w.contacts[0].spinning_friction = kNan; });
+    bad({"contacts.stiffness[5] is -3"}, [](W& w) { w.contacts[5].stiffness = -3; });
+    bad({"contacts.damping[5] is nan"}, [](W& w) { w.contacts[5].damping = kNan; });
     bad({"contacts.key[4] is 99", "contacts.key[1]"}, [](W& w) { w.contacts[4].key = 99; });
     accepted("keys of 0 may repeat", [](W& w) { w.contacts[1].key = w.contacts[4].key = 0; });
     accepted("the world as a body", [](W& w) { w.contacts[0].body_a = CAIRN_WORLD; });
@@ -224,21 +232,15 @@ TEST_F(RefusedData, KeysOfALongTable) {
             for (std::uint32_t i = 0; i < count; ++i)
                 normal[3 * i] = 1;
             const cairn_view none = {};
-            w.contact_table = {sizeof w.contact_table,
-                               count,
-                               0,
-                               W::view(a.data(), 0),
-                               W::view(b.data(), 0),
-                               W::view(normal.data(), 0),
-                               W::view(zero.data(), 0),
-                               W::view(zero.data(), 0),
-                               W::view(zero.data(), 0),
-                               none,
-                               none,
-                               none,
-                               W::view(key.data(), 0),
-                               none};
-            w.results.contact_impulse = w.results.friction_impulse = none;
+            cairn_contacts& contacts = w.contact_table = {};
+            contacts.struct_size = sizeof contacts;
+            contacts.count = count;
+            contacts.body_a = W::view(a.data(), 0);
+            contacts.body_b = W::view(b.data(), 0);
+            contacts.normal = W::view(normal.data(), 0);
+            contacts.arm_a = contacts.arm_b = contacts.separation = W::view(zero.data(), 0);
+            contacts.key = W::view(key.data(), 0);
+            w.results.contact_impulse = w.results.friction_impulse = w.results.torsion_impulse = none;
         }
     } table;
     const auto put = [&](W& w) { table.put_into(w); };

@@ -44,6 +44,10 @@ TEST_F(RefusedViews, RequiredOnes) {
               &w.contact_table.flags, &w.joint_table.frame_a, &w.joint_table.frame_b, &w.joint_table.key, &w.row_table.rhs,
               &w.row_table.compliance, &w.row_table.friction, &w.row_table.key, &w.results.joint_impulse})
             view->data = nullptr;
+        cairn_contacts& c = w.contact_table;
+        for (cairn_view* view : {&c.friction_scale, &c.surface_velocity, &c.rolling_friction, &c.spinning_friction, &c.stiffness,
+                                 &c.damping, &w.results.torsion_impulse})
+            view->data = nullptr;
     });
     accepted("an empty table needs no views", [](W& w) {
         w.row_table = cairn_rows{};

@@ -34,9 +34,14 @@ Bodies = table(
     "position orientation linear_velocity angular_velocity inverse_mass inverse_inertia force torque linear_factor "
     "angular_factor flags",
 )
-Contacts = table("Contacts", "body_a body_b normal arm_a arm_b separation friction restitution tangent key flags")
+Contacts = table(
+    "Contacts",
+    "body_a body_b normal arm_a arm_b separation friction restitution tangent key flags friction_scale surface_velocity "
+    "rolling_friction spinning_friction stiffness damping",
+)
 RESULTS = (
-    "position orientation linear_velocity angular_velocity contact_impulse friction_impulse joint_impulse row_impulse"
+    "position orientation linear_velocity angular_velocity contact_impulse friction_impulse joint_impulse row_impulse "
+    "torsion_impulse"
 )
 
 
@@ -172,6 +177,25 @@ def test_a_ball_at_rest(api: Any) -> None:
     counts, count = (c.c_uint32 * 1)(), c.c_size_t()
     assert api.solver_split_counts(solver, counts, 1, c.byref(count)) == OK
     assert (count.value, counts[0]) == (1, 1)
+    api.solver_destroy(solver)
+
+
+def test_a_caller_that_is_older_or_wants_more(api: Any) -> None:
+    solver = Solver()
+    assert api.solver_create(None, c.byref(solver)) == OK
+    world = World()
+    world.contacts.struct_size = Contacts.friction_scale.offset
+    world.contacts.friction_scale.type = 99  # beyond its end
+    world.results.struct_size = Results.torsion_impulse.offset
+    assert api.solver_step(solver, c.byref(world.step), c.byref(world.results)) == OK, api.last_error()
+
+    world = World()
+    spin, torsion, rolling = view([0, 3, 0]), view([0, 0, 0]), view([0.01])
+    world.bodies.angular_velocity = world.results.angular_velocity = spin
+    world.contacts.spinning_friction, world.results.torsion_impulse = rolling, torsion
+    assert api.solver_step(solver, c.byref(world.step), c.byref(world.results)) == OK, api.last_error()
+    assert torsion.array[1] == pytest.approx(-0.01 * world.impulse.array[0], rel=1e-5)
+    assert spin.array[1] == pytest.approx(3 + 5 * torsion.array[1], rel=1e-5)
     api.solver_destroy(solver)
 
 

@@ -110,6 +110,24 @@ def test_ball_joint_holds_a_pendulum_on_its_circle() -> None:
     assert np.linalg.norm(results.joint_impulse[0, :3]) > 0
 
 
+def test_a_belt_carries_and_a_spring_yields() -> None:
+    bodies = some_bodies(1)
+    bodies.position[0, 1] = 1
+    contacts = touching(cairn.WORLD, 0, (0, 1, 0), friction=0.5)
+    contacts.surface_velocity = np.array([[2.0, 0, 0]])
+    contacts.stiffness, contacts.damping = np.array([1000.0]), np.array([500.0])
+    contacts.rolling_friction = np.array([10.0])  # or the ball would rather turn
+    results = cairn.Solver("tj").step(0.01, bodies, contacts, gravity=(0, -10, 0))
+    load = results.contact_impulse[0]
+    assert 0 < load < 0.1  # gives way under its weight
+    np.testing.assert_allclose(results.friction_impulse[0], [0.5 * load, 0, 0], atol=1e-6)
+    assert results.torsion_impulse[0, 2] < 0  # against the turn that friction below its centre gives it
+    # of a contact at its own arm, what it does to the body is what it reports
+    arm = contacts.arm_b[0] - 0.5 * contacts.separation[0] * contacts.normal[0]
+    turn = np.cross(arm, results.friction_impulse[0]) + results.torsion_impulse[0]
+    np.testing.assert_allclose(results.angular_velocity[0], turn * bodies.inverse_inertia[0], atol=1e-6)
+
+
 def test_raw_row_reaches_its_target() -> None:
     bodies = some_bodies(2)
     rows = cairn.Rows(

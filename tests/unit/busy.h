@@ -58,6 +58,7 @@ struct Heaps : Scene {
             for (int j = i + 1; j < std::min(count, (i / size() + 1) * size()); ++j)
                 touch_spheres(*this, i, j, kRadius, kRadius, 0.4);
         }
+        vary_contacts(*this);
     }
 };
 
@@ -71,6 +72,9 @@ inline Scene every_kind(std::uint64_t seed) {
     scene.joints[0].motor_speed[2] = 1;
     scene.joints[0].motor_force[2] = 5;
     add_random_contacts(random, scene, 2 + static_cast<int>(seed * 5), 0.5);
+    if (seed == 2)
+        for (Contact& c : scene.contacts)
+            c.rolling_friction = c.stiffness = uniform(random, 0, 0.2);
     for (const int target : {0, 1, 0}) {
         Row row;
         row.b = target;

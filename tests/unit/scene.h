@@ -4,6 +4,7 @@
 #include <cairn/cairn.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <cstring>
@@ -81,6 +82,9 @@ struct Contact {
     Vec3 tangent = Vec3::Zero();
     std::uint64_t key = 0;
     std::uint32_t flags = 0;
+    Eigen::Vector2d friction_scale = Eigen::Vector2d::Ones();
+    Vec3 surface_velocity = Vec3::Zero();
+    double rolling_friction = 0, spinning_friction = 0, stiffness = 0, damping = 0;
 };
 
 using Axes = std::array<std::uint32_t, 6>;
@@ -111,8 +115,9 @@ struct Row {
 
 // Impulses of a step, as cairn_results documents them.
 struct Impulses {
-    std::vector<double> contact, friction, joint, row;
+    std::vector<double> contact, friction, torsion, joint, row;
     Vec3 friction_of(std::size_t i) const { return {friction[3 * i], friction[3 * i + 1], friction[3 * i + 2]}; }
+    Vec3 torsion_of(std::size_t i) const { return {torsion[3 * i], torsion[3 * i + 1], torsion[3 * i + 2]}; }
 };
 
 class Solver {
@@ -367,6 +372,20 @@ inline cairn_contacts contact_table(const std::vector<Contact>& contacts) {
     t.tangent = member_view(contacts, c.tangent.data());
     t.key = member_view(contacts, &c.key);
     t.flags = member_view(contacts, &c.flags);
+    // Columns that no contact needs stay absent, as in most programs.
+    const auto some = [&](const auto& differs) { return std::any_of(contacts.begin(), contacts.end(), differs); };
+    if (some([](const Contact& each) { return each.friction_scale != Eigen::Vector2d::Ones(); }))
+        t.friction_scale = member_view(contacts, c.friction_scale.data());
+    if (some([](const Contact& each) { return !each.surface_velocity.isZero(0); }))
+        t.surface_velocity = member_view(contacts, c.surface_velocity.data());
+    if (some([](const Contact& each) { return each.rolling_friction != 0; }))
+        t.rolling_friction = member_view(contacts, &c.rolling_friction);
+    if (some([](const Contact& each) { return each.spinning_friction != 0; }))
+        t.spinning_friction = member_view(contacts, &c.spinning_friction);
+    if (some([](const Contact& each) { return each.stiffness != 0; }))
+        t.stiffness = member_view(contacts, &c.stiffness);
+    if (some([](const Contact& each) { return each.damping != 0; }))
+        t.damping = member_view(contacts, &c.damping);
     return t;
 }
 
@@ -435,6 +454,7 @@ inline cairn_status Scene::try_step(const Solver& solver, Impulses& out) {
 
     out.contact.assign(contacts.size(), 0);
     out.friction.assign(3 * contacts.size(), 0);
+    out.torsion.assign(3 * contacts.size(), 0);
     out.joint.assign(6 * joints.size(), 0);
     out.row.assign(rows.size(), 0);
     cairn_results results{};
@@ -445,6 +465,7 @@ inline cairn_status Scene::try_step(const Solver& solver, Impulses& out) {
     results.angular_velocity = body_columns.angular_velocity;
     results.contact_impulse = view_of(out.contact);
     results.friction_impulse = view_of(out.friction);
+    results.torsion_impulse = view_of(out.torsion);
     results.joint_impulse = view_of(out.joint);
     results.row_impulse = view_of(out.row);
     return cairn_solver_step(solver.get(), &step, &results);

@@ -85,4 +85,26 @@ inline void touch_spheres(Scene& scene, int a, int b, double radius_a, double ra
     scene.contacts.push_back(c);
 }
 
+// Gives contacts what few have, by their key: some nothing, some one thing, some several.
+inline void vary_contacts(Scene& scene) {
+    for (Contact& c : scene.contacts) {
+        const std::uint64_t choice = (c.key * 0x9e3779b97f4a7c15u) >> 32;
+        if (choice % 2 == 0)
+            continue;
+        c.tangent = Vec3(1, 2, 3);
+        if (choice & 2u)
+            c.friction_scale = Eigen::Vector2d(1.5, choice & 64u ? 0 : 0.5);
+        if (choice & 4u)
+            c.surface_velocity = Vec3(0.3, -0.2, 0.1);
+        if (choice & 8u)
+            c.rolling_friction = 0.01;
+        if (choice & 16u)
+            c.spinning_friction = 0.02;
+        if (choice & 32u) {
+            c.stiffness = choice & 128u ? 0 : 2000;
+            c.damping = 30;
+        }
+    }
+}
+
 } // namespace cairn_test

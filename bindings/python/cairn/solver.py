@@ -252,6 +252,7 @@ class Solver:
         shapes = {
             "contact_impulse": ("contacts", ()),
             "friction_impulse": ("contacts", (3,)),
+            "torsion_impulse": ("contacts", (3,)),
             "joint_impulse": ("joints", (6,)),
             "row_impulse": ("rows", ()),
         }

@@ -59,6 +59,12 @@ class Contacts:
     tangent: Column | None = None  # [n, 3] first friction direction; chosen from the normal
     key: Column | None = None  # [n] unique: finds the contact's impulse of the last step; 0: start from zero
     flags: Column | None = None  # [n] ROUND_A, ROUND_B: the surface rolls, so its anchor does not turn; 0
+    friction_scale: Column | None = None  # [n, 2] >= 0, of friction along tangent and normal x tangent; 1
+    surface_velocity: Column | None = None  # [n, 3] m/s of b relative to a, which friction drives to; 0
+    rolling_friction: Column | None = None  # [n] m, >= 0: torque about the plane's directions / normal force; 0
+    spinning_friction: Column | None = None  # [n] m, >= 0: torque about the normal / normal force; 0
+    stiffness: Column | None = None  # [n] N/m, >= 0: a spring and damper, not the method's bias; 0: rigid
+    damping: Column | None = None  # [n] N s/m, >= 0; 0
 
 
 @dataclass
@@ -109,6 +115,7 @@ class Results:
     friction_impulse: Column  # [contacts, 3] N s, world axes, on body b
     joint_impulse: Column  # [joints, 6] N s and N m s, on body b, in the joint's axes
     row_impulse: Column  # [rows]
+    torsion_impulse: Column  # [contacts, 3] N m s, world axes, on body b: of rolling and spinning friction
 
 
 # A table as given: one of the classes above, a dict of columns, or a structured array.

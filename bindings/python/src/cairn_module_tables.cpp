@@ -33,12 +33,23 @@ constexpr Field<cairn_bodies> kBodies[] = {
     {"flags", &cairn_bodies::flags, 1, Kind::index},
 };
 constexpr Field<cairn_contacts> kContacts[] = {
-    {"body_a", &cairn_contacts::body_a, 1, Kind::index},    {"body_b", &cairn_contacts::body_b, 1, Kind::index},
-    {"normal", &cairn_contacts::normal, 3, Kind::real},     {"arm_a", &cairn_contacts::arm_a, 3, Kind::real},
-    {"arm_b", &cairn_contacts::arm_b, 3, Kind::real},       {"separation", &cairn_contacts::separation, 1, Kind::real},
-    {"friction", &cairn_contacts::friction, 1, Kind::real}, {"restitution", &cairn_contacts::restitution, 1, Kind::real},
-    {"tangent", &cairn_contacts::tangent, 3, Kind::real},   {"key", &cairn_contacts::key, 1, Kind::key},
+    {"body_a", &cairn_contacts::body_a, 1, Kind::index},
+    {"body_b", &cairn_contacts::body_b, 1, Kind::index},
+    {"normal", &cairn_contacts::normal, 3, Kind::real},
+    {"arm_a", &cairn_contacts::arm_a, 3, Kind::real},
+    {"arm_b", &cairn_contacts::arm_b, 3, Kind::real},
+    {"separation", &cairn_contacts::separation, 1, Kind::real},
+    {"friction", &cairn_contacts::friction, 1, Kind::real},
+    {"restitution", &cairn_contacts::restitution, 1, Kind::real},
+    {"tangent", &cairn_contacts::tangent, 3, Kind::real},
+    {"key", &cairn_contacts::key, 1, Kind::key},
     {"flags", &cairn_contacts::flags, 1, Kind::index},
+    {"friction_scale", &cairn_contacts::friction_scale, 2, Kind::real},
+    {"surface_velocity", &cairn_contacts::surface_velocity, 3, Kind::real},
+    {"rolling_friction", &cairn_contacts::rolling_friction, 1, Kind::real},
+    {"spinning_friction", &cairn_contacts::spinning_friction, 1, Kind::real},
+    {"stiffness", &cairn_contacts::stiffness, 1, Kind::real},
+    {"damping", &cairn_contacts::damping, 1, Kind::real},
 };
 constexpr Field<cairn_joints> kJoints[] = {
     {"body_a", &cairn_joints::body_a, 1, Kind::index},
@@ -77,6 +88,7 @@ constexpr Field<cairn_results> kBodyResults[] = {
 constexpr Field<cairn_results> kContactResults[] = {
     {"contact_impulse", &cairn_results::contact_impulse, 1, Kind::real},
     {"friction_impulse", &cairn_results::friction_impulse, 3, Kind::real},
+    {"torsion_impulse", &cairn_results::torsion_impulse, 3, Kind::real},
 };
 constexpr Field<cairn_results> kJointResults[] = {{"joint_impulse", &cairn_results::joint_impulse, 6, Kind::real}};
 constexpr Field<cairn_results> kRowResults[] = {{"row_impulse", &cairn_results::row_impulse, 1, Kind::real}};

@@ -133,6 +133,18 @@ typedef struct cairn_contacts {
     cairn_view tangent;     /* [3] first friction direction; projected on the plane; optional, or zero: chosen from the normal */
     cairn_view key;         /* [1] U64, unique: finds the contact's impulse of the last step; 0 or absent: starts from zero */
     cairn_view flags;       /* [1] CAIRN_CONTACT_...; optional: 0 */
+    /* What follows costs nothing where it is absent, nor in manifolds that have it at no point. */
+    cairn_view friction_scale;    /* [2] >= 0, friction's share along `tangent` and along normal x tangent; optional: 1. An elliptic
+                                     cone: |(lambda_1 / scale_1, lambda_2 / scale_2)| <= friction * lambda_n, and in it the friction
+                                     that takes most power from the slip; scale 0: none that way. The pyramid is scaled alike */
+    cairn_view surface_velocity;  /* [3] m/s, the velocity of b relative to a at the point that friction drives to, as a belt on a
+                                     that runs so; its part along the normal is not read; optional: 0 */
+    cairn_view rolling_friction;  /* [1] m, >= 0: the torque against relative rotation about the plane's directions is at most this
+                                     times the normal force, a disc under the pyramid too; none under NONE; optional: 0 */
+    cairn_view spinning_friction; /* [1] m, >= 0: likewise about the normal; optional: 0 */
+    cairn_view stiffness;         /* [1] N/m, >= 0: the contact is a spring and damper, integrated implicitly, in place of the method's
+                                     bias, position sweeps and push speed; its restitution is not read; optional: 0 (rigid) */
+    cairn_view damping;           /* [1] N s/m, >= 0, of the same; without stiffness a damper alone; optional: 0 */
 } cairn_contacts;
 
 /* A joint has six axes, x y z of translation and x y z of rotation, in its frame; each is a combination of these.
@@ -216,6 +228,7 @@ typedef struct cairn_results {
     cairn_view friction_impulse; /* [3] per contact, N s, world axes, on body b */
     cairn_view joint_impulse;    /* [6] per joint, N s and N m s, on body b, in the joint's axes */
     cairn_view row_impulse;      /* [1] per raw row */
+    cairn_view torsion_impulse;  /* [3] per contact, N m s, world axes, on body b: rolling and spinning friction */
 } cairn_results;
 
 /* ---- Method and parameters -------------------------------------------------------------------------------------- */
@@ -325,7 +338,8 @@ typedef struct cairn_statistics {
     uint32_t contacts;            /* that had an effect */
     uint32_t manifolds;
     uint32_t joints;
-    uint32_t rows;                /* scalar rows swept: of contacts, joints and raw rows */
+    uint32_t rows;                /* scalar rows swept, of joints, raw rows and contacts: by manifold, a point has 6 with rolling or
+                                     spinning friction, else 3 with friction or a spring, else 1 */
     uint32_t islands;
     uint32_t substeps;
     uint32_t iterations;          /* velocity sweeps, of the busiest island */
