@@ -49,6 +49,116 @@ bool isRound(const btCollisionObject& object, btScalar dt) {
 
 btScalar clamped(btScalar value, btScalar low, btScalar high) { return value < low ? low : (value > high ? high : value); }
 
+btVector3 acrossNormal(const btVector3& vector, const btVector3& normal) { return vector - normal * normal.dot(vector); }
+
+// Both objects' anisotropic friction, or rolling friction, on a direction: first body 0's, as stock's applyAnisotropicFriction.
+struct Anisotropy {
+    const btCollisionObject* objects[2];
+    int mode;
+
+    bool any() const { return objects[0]->hasAnisotropicFriction(mode) || objects[1]->hasAnisotropicFriction(mode); }
+    btVector3 operator()(btVector3 direction) const {
+        for (const btCollisionObject* object : objects)
+            if (object->hasAnisotropicFriction(mode)) {
+                const btMatrix3x3& axes = object->getWorldTransform().getBasis();
+                direction = axes * ((direction * axes) * object->getAnisotropicFriction());
+            }
+        return direction;
+    }
+};
+
+// The image of the unit circle across `normal` under an anisotropy is an ellipse there: its longer half axis as a unit vector, and
+// the lengths of both.
+struct Ellipse {
+    btVector3 axis;
+    btScalar longer, shorter;
+};
+Ellipse ellipseOf(const Anisotropy& scaled, const btVector3& normal) {
+    btVector3 e1, e2;
+    btPlaneSpace1(normal, e1, e2);
+    const btVector3 s1 = scaled(e1), s2 = scaled(e2);
+    // M M^T, whose eigenvectors are the axes
+    const btScalar xx = e1.dot(s1) * e1.dot(s1) + e1.dot(s2) * e1.dot(s2), yy = e2.dot(s1) * e2.dot(s1) + e2.dot(s2) * e2.dot(s2);
+    const btScalar xy = e1.dot(s1) * e2.dot(s1) + e1.dot(s2) * e2.dot(s2);
+    const btScalar mean = (xx + yy) / 2, half = (xx - yy) / 2, radius = btSqrt(half * half + xy * xy);
+    btVector3 axis = half >= btScalar(0) ? e1 * (half + radius) + e2 * xy : e1 * xy + e2 * (radius - half);
+    axis = axis.length2() > btScalar(0) ? axis.normalized() : e1;
+    return Ellipse{axis, btSqrt(mean + radius), btSqrt(btMax(mean - radius, btScalar(0)))};
+}
+
+// Friction along directions that the user gave the point: as strong as they are long, and only along the first unless there are to
+// be two; it drives the slip to m_contactMotion.
+void useGivenDirections(const btManifoldPoint& point, bool two, Tables& tables) {
+    const btVector3& normal = point.m_normalWorldOnB;
+    const btVector3 first = acrossNormal(point.m_lateralFrictionDir1, normal), second = acrossNormal(point.m_lateralFrictionDir2, normal);
+    const btScalar length1 = first.length(), length2 = two ? second.length() : btScalar(0);
+    store(tables.contacts.back().tangent, length1 > btScalar(0) ? first : second.cross(normal));
+    tables.tangents = true;
+    constexpr btScalar rounding = btScalar(1e-3);
+    if (btFabs(length1 - 1) > rounding || btFabs(length2 - 1) > rounding) {
+        tables.extra().frictionScale[0] = length1;
+        tables.extra().frictionScale[1] = length2;
+    }
+    btVector3 motion(0, 0, 0);
+    if (length1 > btScalar(0))
+        motion += first * (point.m_contactMotion1 / (length1 * length1));
+    if (length2 > btScalar(0))
+        motion += second * (point.m_contactMotion2 / (length2 * length2));
+    if (!motion.isZero())
+        store(tables.extra().surfaceVelocity, motion);
+}
+
+void useAnisotropicFriction(const btManifoldPoint& point, const Anisotropy& scaled, Tables& tables) {
+    const Ellipse ellipse = ellipseOf(scaled, point.m_normalWorldOnB);
+    store(tables.contacts.back().tangent, ellipse.axis);
+    tables.tangents = true;
+    tables.extra().frictionScale[0] = ellipse.longer;
+    tables.extra().frictionScale[1] = ellipse.shorter;
+}
+
+// Where the two surfaces' points have slid apart, friction pulls them together again by m_frictionERP of the gap in this step.
+void useAnchor(const btManifoldPoint& point, const btContactSolverInfo& info, Tables& tables) {
+    const btVector3 gap = acrossNormal(point.getPositionWorldOnA() - point.getPositionWorldOnB(), point.m_normalWorldOnB);
+    btScalar(&target)[3] = tables.extra().surfaceVelocity;
+    store(target, vector(target) - gap * (info.m_frictionERP / info.m_timeStep));
+}
+
+// Stock scales each axis of rolling friction before it knows where the bodies roll; here the coefficient is that along the axis
+// about which they do, or the largest.
+void useRollingFriction(const btManifoldPoint& point, const Anisotropy& scaled, Tables& tables) {
+    btScalar share = 1;
+    if (scaled.any()) {
+        const btRigidBody *body0 = btRigidBody::upcast(scaled.objects[0]), *body1 = btRigidBody::upcast(scaled.objects[1]);
+        const btVector3 none(0, 0, 0);
+        const btVector3 turn = (body0 ? body0->getAngularVelocity() : none) - (body1 ? body1->getAngularVelocity() : none);
+        const btVector3 roll = acrossNormal(turn, point.m_normalWorldOnB);
+        share = roll.length2() > SIMD_EPSILON ? scaled(roll.normalized()).length() : ellipseOf(scaled, point.m_normalWorldOnB).longer;
+    }
+    ContactExtra& extra = tables.extra();
+    extra.rollingFriction = point.m_combinedRollingFriction * share;
+    extra.spinningFriction = btMax(point.m_combinedSpinningFriction, btScalar(0));
+}
+
+// A contact's cfm and erp are those of a spring and damper in the step's dt: cfm = 1 / (dt k + d), erp = dt k / (dt k + d). A rigid
+// one (cfm 0) keeps the method's own bias.
+void soften(const btManifoldPoint& point, const btContactSolverInfo& info, Tables& tables) {
+    const int flags = point.m_contactPointFlags;
+    btScalar stiffness, damping;
+    if (flags & (BT_CONTACT_FLAG_HAS_CONTACT_CFM | BT_CONTACT_FLAG_HAS_CONTACT_ERP)) {
+        const btScalar cfm = flags & BT_CONTACT_FLAG_HAS_CONTACT_CFM ? point.m_contactCFM : info.m_globalCfm;
+        const btScalar erp = flags & BT_CONTACT_FLAG_HAS_CONTACT_ERP ? point.m_contactERP : info.m_erp2;
+        if (!(cfm > btScalar(0)))
+            return;
+        stiffness = erp / (info.m_timeStep * cfm);
+        damping = (1 - erp) / cfm;
+    } else {
+        stiffness = point.m_combinedContactStiffness1;
+        damping = point.m_combinedContactDamping1;
+    }
+    tables.extra().stiffness = clamped(stiffness, 0, btScalar(1e30)); // one without either would be rigid to Cairn
+    tables.extra().damping = clamped(damping, btScalar(SIMD_EPSILON), btScalar(1e30));
+}
+
 } // namespace
 
 void gatherContacts(btPersistentManifold& manifold, btDispatcher* dispatcher, const btContactSolverInfo& info, Bodies& bodies,
@@ -75,9 +185,15 @@ void gatherContacts(btPersistentManifold& manifold, btDispatcher* dispatcher, co
     const btVector3& center0 = object0->getWorldTransform().getOrigin();
     const btVector3& center1 = object1->getWorldTransform().getOrigin();
     const btScalar threshold = manifold.getContactProcessingThreshold();
+    const Anisotropy slides = {{object0, object1}, btCollisionObject::CF_ANISOTROPIC_FRICTION};
+    const Anisotropy rolls = {{object0, object1}, btCollisionObject::CF_ANISOTROPIC_ROLLING_FRICTION};
+    constexpr int softFlags = BT_CONTACT_FLAG_HAS_CONTACT_CFM | BT_CONTACT_FLAG_HAS_CONTACT_ERP | BT_CONTACT_FLAG_CONTACT_STIFFNESS_DAMPING;
     for (int i = 0; i < count; ++i) {
         btManifoldPoint& point = manifold.getContactPoint(i);
         if (!(point.getDistance() <= threshold))
+            continue;
+        const btScalar norm = point.m_normalWorldOnB.length();
+        if (norm <= SIMD_EPSILON) // no direction to push in
             continue;
         tables.contacts.emplace_back();
         tables.contactOwners.push_back(&point);
@@ -86,21 +202,32 @@ void gatherContacts(btPersistentManifold& manifold, btDispatcher* dispatcher, co
         record.bodyA = index1;
         record.bodyB = index0;
         record.flags = flags;
-        store(record.normal, point.m_normalWorldOnB);
+        store(record.normal, point.m_normalWorldOnB / norm); // a callback may have left it long
         store(record.armA, point.getPositionWorldOnB() - center1);
         store(record.armB, point.getPositionWorldOnA() - center0);
         record.separation = point.getDistance() + info.m_linearSlop;
         record.friction = btMax(point.m_combinedFriction, btScalar(0));
         record.restitution = clamped(point.m_combinedRestitution, btScalar(0), btScalar(1));
-        if ((info.m_solverMode & SOLVER_ENABLE_FRICTION_DIRECTION_CACHING) &&
-            (point.m_contactPointFlags & BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED)) {
-            store(record.tangent, point.m_lateralFrictionDir1);
-            tables.tangents = true;
-        }
+        const int pointFlags = point.m_contactPointFlags;
+        if ((info.m_solverMode & SOLVER_ENABLE_FRICTION_DIRECTION_CACHING) && (pointFlags & BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED))
+            useGivenDirections(point, (info.m_solverMode & SOLVER_USE_2_FRICTION_DIRECTIONS) != 0, tables);
+        else if (slides.any())
+            useAnisotropicFriction(point, slides, tables);
+        if (pointFlags & BT_CONTACT_FLAG_FRICTION_ANCHOR)
+            useAnchor(point, info, tables);
+        if (pointFlags & softFlags)
+            soften(point, info, tables);
+        if (point.m_combinedRollingFriction > btScalar(0))
+            useRollingFriction(point, rolls, tables);
     }
 }
 
 void scatterContacts(const Tables& tables) {
+    // the directions need not be unit where they are the user's
+    const auto along = [](const btVector3& direction, const btVector3& impulse) {
+        const btScalar square = direction.length2();
+        return square > btScalar(0) ? impulse.dot(direction) / square : btScalar(0);
+    };
     for (std::size_t i = 0; i < tables.contacts.size(); ++i) {
         const ContactRecord& record = tables.contacts[i];
         btManifoldPoint& point = *tables.contactOwners[i];
@@ -108,8 +235,8 @@ void scatterContacts(const Tables& tables) {
         point.m_appliedImpulse = record.impulse;
         if (!(point.m_contactPointFlags & BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED))
             btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
-        point.m_appliedImpulseLateral1 = friction.dot(point.m_lateralFrictionDir1);
-        point.m_appliedImpulseLateral2 = friction.dot(point.m_lateralFrictionDir2);
+        point.m_appliedImpulseLateral1 = along(point.m_lateralFrictionDir1, friction);
+        point.m_appliedImpulseLateral2 = along(point.m_lateralFrictionDir2, friction);
     }
 }
 

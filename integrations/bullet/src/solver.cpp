@@ -47,7 +47,7 @@ cairn_bodies viewBodies(std::vector<BodyRecord>& records) {
     return table;
 }
 
-cairn_contacts viewContacts(std::vector<ContactRecord>& records, bool tangents) {
+cairn_contacts viewContacts(std::vector<ContactRecord>& records, std::vector<ContactExtra>& extras, bool tangents) {
     cairn_contacts table = {};
     table.struct_size = sizeof table;
     table.count = static_cast<uint32_t>(records.size());
@@ -63,6 +63,15 @@ cairn_contacts viewContacts(std::vector<ContactRecord>& records, bool tangents) 
         table.tangent = CAIRN_REAL(records, tangent);
     table.key = CAIRN_FIELD(records, key, CAIRN_U64);
     table.flags = CAIRN_FIELD(records, flags, CAIRN_U32);
+    if (extras.empty())
+        return table;
+    extras.resize(records.size(), ContactExtra::none());
+    table.friction_scale = CAIRN_REAL(extras, frictionScale);
+    table.surface_velocity = CAIRN_REAL(extras, surfaceVelocity);
+    table.rolling_friction = CAIRN_REAL(extras, rollingFriction);
+    table.spinning_friction = CAIRN_REAL(extras, spinningFriction);
+    table.stiffness = CAIRN_REAL(extras, stiffness);
+    table.damping = CAIRN_REAL(extras, damping);
     return table;
 }
 
@@ -203,7 +212,7 @@ struct ConstraintSolver::Implementation {
             appliedThreshold = threshold;
         }
         const cairn_bodies bodyTable = viewBodies(tables.bodies);
-        const cairn_contacts contactTable = viewContacts(tables.contacts, tables.tangents);
+        const cairn_contacts contactTable = viewContacts(tables.contacts, tables.contactExtras, tables.tangents);
         const cairn_joints jointTable = viewJoints(tables.joints);
         const cairn_rows rowTable = viewRows(tables.rows);
         const cairn_results results = viewResults(tables);

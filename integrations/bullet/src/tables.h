@@ -48,6 +48,18 @@ struct ContactRecord {
     btScalar frictionImpulse[3]; // result
 };
 
+// What few contacts have. A table of its own, parallel to contacts as far as it goes and empty where none has it.
+struct ContactExtra {
+    btScalar frictionScale[2];
+    btScalar surfaceVelocity[3];
+    btScalar rollingFriction;
+    btScalar spinningFriction;
+    btScalar stiffness;
+    btScalar damping;
+
+    static ContactExtra none() { return ContactExtra{{1, 1}, {0, 0, 0}, 0, 0, 0, 0}; }
+};
+
 struct JointRecord {
     uint64_t key;
     int32_t bodyA;
@@ -94,6 +106,7 @@ struct Tables {
     std::vector<btRigidBody*> bodyOwners; // parallel to bodies; NULL for what the step may not move
     std::vector<ContactRecord> contacts;
     std::vector<btManifoldPoint*> contactOwners; // parallel to contacts
+    std::vector<ContactExtra> contactExtras;
     std::vector<JointRecord> joints;
     std::vector<RowRecord> rows;
     std::vector<ConstraintSlot> constraints;
@@ -104,10 +117,16 @@ struct Tables {
         bodyOwners.clear();
         contacts.clear();
         contactOwners.clear();
+        contactExtras.clear();
         joints.clear();
         rows.clear();
         constraints.clear();
         tangents = false;
+    }
+    // Of the last contact.
+    ContactExtra& extra() {
+        contactExtras.resize(contacts.size(), ContactExtra::none());
+        return contactExtras.back();
     }
 };
 
