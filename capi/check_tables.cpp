@@ -9,16 +9,24 @@ namespace cairn::capi {
 
 namespace {
 
+constexpr double kLargest = std::numeric_limits<double>::max();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kAxes = 6;
 
-void check_locked_alone(const Array& axes) {
+void check_combinations(const Array& axes) {
     for (std::size_t i = axes.first; i < axes.end; ++i)
         for (std::size_t c = 0; c < kAxes; ++c) {
             const auto bits = static_cast<std::uint32_t>(axes.column.integer(i, c));
             if ((bits & CAIRN_AXIS_LOCKED) != 0 && bits != CAIRN_AXIS_LOCKED)
-                refuse(CAIRN_ERROR_INVALID_DATA, "joints.axes[%zu][%zu] is %u: a locked axis can be neither limited nor driven", i, c,
-                       bits);
+                refuse(CAIRN_ERROR_INVALID_DATA,
+                       "joints.axes[%zu][%zu] is %u: a locked axis can be neither limited nor driven, and has no spring", i, c, bits);
+            if ((bits & CAIRN_AXIS_SERVO) != 0 && (bits & CAIRN_AXIS_DRIVEN) == 0)
+                refuse(CAIRN_ERROR_INVALID_DATA, "joints.axes[%zu][%zu] is %u: CAIRN_AXIS_SERVO goes with CAIRN_AXIS_DRIVEN", i, c, bits);
+            if ((bits & CAIRN_AXIS_SPRING) != 0 && (bits & CAIRN_AXIS_DRIVEN) != 0)
+                refuse(CAIRN_ERROR_INVALID_DATA,
+                       "joints.axes[%zu][%zu] is %u: an axis has a motor or a spring; a second joint may have the "
+                       "other",
+                       i, c, bits);
         }
 }
 
@@ -42,13 +50,40 @@ void check_limit(const Array& lower, const Array& upper, std::size_t i, std::siz
                value_of(lower, i, c).text, i, c, value_of(upper, i, c).text);
 }
 
-void check_motor(const Array& speed, const Array& force, std::size_t i, std::size_t c) {
-    if (!std::isfinite(axis_value(speed, "driven", i, c)))
+void check_motor(const Array& speed, const Array& force, bool servo, std::size_t i, std::size_t c) {
+    if (servo && !(axis_value(speed, "driven", i, c) >= 0))
+        refuse(CAIRN_ERROR_INVALID_DATA, "joints.motor_speed[%zu][%zu] is %s: must be >= 0 (infinity allowed) on a servo's axis", i, c,
+               value_of(speed, i, c).text);
+    if (!servo && !std::isfinite(axis_value(speed, "driven", i, c)))
         refuse(CAIRN_ERROR_INVALID_DATA, "joints.motor_speed[%zu][%zu] is %s: must be finite on a driven axis", i, c,
                value_of(speed, i, c).text);
     if (!(axis_value(force, "driven", i, c) >= 0))
         refuse(CAIRN_ERROR_INVALID_DATA, "joints.motor_force[%zu][%zu] is %s: must be >= 0 (infinity allowed)", i, c,
                value_of(force, i, c).text);
+}
+
+// A value that is optional.
+void check_axis_value(const Array& array, double most, const char* must, std::size_t i, std::size_t c) {
+    if (array.present() && !(array.column.real(i, c) >= 0 && array.column.real(i, c) <= most))
+        refuse(CAIRN_ERROR_INVALID_DATA, "joints.%s[%zu][%zu] is %s: must be %s", array.field, i, c, value_of(array, i, c).text, must);
+}
+
+void check_target(const Array& target, std::size_t i, std::size_t c) {
+    if (target.present() && !std::isfinite(target.column.real(i, c)))
+        refuse(CAIRN_ERROR_INVALID_DATA, "joints.target[%zu][%zu] is %s: must be finite", i, c, value_of(target, i, c).text);
+}
+
+// Of CAIRN_ROTATION_CONE: ry and rz go together.
+void check_cone(const Array& axes, const Array& upper, std::size_t i) {
+    const auto bits = [&](std::size_t c) { return static_cast<std::uint32_t>(axes.column.integer(i, c)); };
+    for (std::size_t c : {std::size_t{4}, std::size_t{5}}) {
+        if (bits(c) != bits(4) || (bits(c) != CAIRN_AXIS_FREE && bits(c) != CAIRN_AXIS_LIMITED))
+            refuse(CAIRN_ERROR_INVALID_DATA,
+                   "joints.axes[%zu][%zu] is %u, with CAIRN_ROTATION_CONE: ry and rz must both be free or limited", i, c, bits(c));
+        if (bits(c) == CAIRN_AXIS_LIMITED && !(axis_value(upper, "limited", i, c) > 0))
+            refuse(CAIRN_ERROR_INVALID_DATA, "joints.upper[%zu][%zu] is %s: a cone's half-angle must be > 0 (infinity allowed)", i, c,
+                   value_of(upper, i, c).text);
+    }
 }
 
 void check_body_part(const BodyColumns& columns, std::size_t first, std::size_t end) {
@@ -91,17 +126,41 @@ void check_joint_part(const JointColumns& columns, std::size_t bodies, KeySet& k
     const Array axes = array(columns.axes, "axes", kAxes);
     const Array lower = array(columns.lower, "lower", kAxes), upper = array(columns.upper, "upper", kAxes);
     const Array speed = array(columns.motor_speed, "motor_speed", kAxes), force = array(columns.motor_force, "motor_force", kAxes);
+    const Array rotation = array(columns.rotation, "rotation"), force_bound = array(columns.max_force, "max_force");
+    const Array target = array(columns.target, "target", kAxes), stiffness = array(columns.stiffness, "stiffness", kAxes);
+    const Array damping = array(columns.damping, "damping", kAxes), rate = array(columns.rate, "rate", kAxes);
     check_pairs(array(columns.body_a, "body_a"), array(columns.body_b, "body_b"), bodies);
     check_rules(columns, "joints", kJointTable, first, end);
-    check_locked_alone(axes);
-    for (std::size_t i = first; i < end; ++i)
+    check_combinations(axes);
+    for (std::size_t i = first; i < end; ++i) {
+        const std::int64_t kind = rotation.present() ? rotation.column.integer(i) : CAIRN_ROTATION_BY_AXES;
+        if (kind < 0 || kind > CAIRN_ROTATION_CONE)
+            refuse(CAIRN_ERROR_INVALID_DATA, "joints.rotation[%zu] is %s: must be CAIRN_ROTATION_BY_AXES (0), VECTOR (1) or CONE (2)", i,
+                   value_of(rotation, i).text);
+        if (kind == CAIRN_ROTATION_CONE)
+            check_cone(axes, upper, i);
+        if (force_bound.present() && !(force_bound.column.real(i) >= 0))
+            refuse(CAIRN_ERROR_INVALID_DATA, "joints.max_force[%zu] is %s: must be >= 0 (infinity allowed)", i,
+                   value_of(force_bound, i).text);
         for (std::size_t c = 0; c < kAxes; ++c) {
             const auto bits = static_cast<std::uint32_t>(axes.column.integer(i, c));
-            if ((bits & CAIRN_AXIS_LIMITED) != 0)
+            if ((bits & CAIRN_AXIS_LIMITED) != 0 && (kind != CAIRN_ROTATION_CONE || c < 4))
                 check_limit(lower, upper, i, c);
             if ((bits & CAIRN_AXIS_DRIVEN) != 0)
-                check_motor(speed, force, i, c);
+                check_motor(speed, force, (bits & CAIRN_AXIS_SERVO) != 0, i, c);
+            if ((bits & (CAIRN_AXIS_SPRING | CAIRN_AXIS_SERVO)) != 0)
+                check_target(target, i, c);
+            if ((bits & CAIRN_AXIS_SERVO) != 0) {
+                check_axis_value(stiffness, kInfinity, ">= 0 (infinity allowed)", i, c);
+                check_axis_value(rate, kInfinity, ">= 0 (infinity allowed)", i, c);
+            }
+            if ((bits & CAIRN_AXIS_SPRING) != 0) {
+                axis_value(stiffness, "a spring's", i, c);
+                check_axis_value(stiffness, kLargest, ">= 0 and finite on a spring's axis", i, c);
+                check_axis_value(damping, kLargest, ">= 0 and finite", i, c);
+            }
         }
+    }
     keys.add(array(columns.key, "key"));
 }
 

@@ -69,26 +69,55 @@ struct Pair {
 
 __device__ bool ordered(double low, double high) { return low < kInfinite && high > -kInfinite && low <= high; }
 
+__device__ bool not_negative(double value) { return value >= 0; } // or infinite
+
 struct Axes {
     JointColumns in;
+    __device__ u32 bits(u32 i, u32 c) const { return static_cast<u32>(in.axes.integer(i, c)); }
     __device__ bool operator()(u32 i) const {
+        const std::int64_t kind = in.rotation.present() ? in.rotation.integer(i) : CAIRN_ROTATION_BY_AXES;
+        if (kind < 0 || kind > CAIRN_ROTATION_CONE || !not_negative(real_or(in.max_force, i, 0)))
+            return false;
         for (u32 c = 0; c < 6; ++c) {
-            const auto bits = static_cast<u32>(in.axes.integer(i, c));
-            if ((bits & CAIRN_AXIS_LOCKED) != 0 && bits != CAIRN_AXIS_LOCKED)
-                return false;
-            if ((bits & CAIRN_AXIS_LIMITED) != 0 &&
-                !(in.lower.present() && in.upper.present() && ordered(in.lower.real(i, c), in.upper.real(i, c))))
-                return false;
-            if ((bits & CAIRN_AXIS_DRIVEN) == 0)
-                continue;
-            if (!in.motor_speed.present() || !in.motor_force.present())
-                return false;
-            const double speed = in.motor_speed.real(i, c);
-            if (!(speed - speed == 0 && in.motor_force.real(i, c) >= 0))
+            const bool cone = kind == CAIRN_ROTATION_CONE && c >= 4;
+            if (!combination(bits(i, c)) || (cone && !half_angle(i, c)) || !values(i, c, bits(i, c), cone))
                 return false;
         }
         return true;
     }
+
+  private:
+    __device__ static bool combination(u32 bits) {
+        return ((bits & CAIRN_AXIS_LOCKED) == 0 || bits == CAIRN_AXIS_LOCKED) &&
+               ((bits & CAIRN_AXIS_SERVO) == 0 || (bits & CAIRN_AXIS_DRIVEN) != 0) &&
+               ((bits & CAIRN_AXIS_SPRING) == 0 || (bits & CAIRN_AXIS_DRIVEN) == 0);
+    }
+    __device__ bool half_angle(u32 i, u32 c) const {
+        if (bits(i, c) != bits(i, 4) || (bits(i, c) != CAIRN_AXIS_FREE && bits(i, c) != CAIRN_AXIS_LIMITED))
+            return false;
+        return bits(i, c) == CAIRN_AXIS_FREE || (in.upper.present() && in.upper.real(i, c) > 0);
+    }
+    __device__ bool values(u32 i, u32 c, u32 bits, bool cone) const {
+        const auto value = [&](const Column& column) { return column.present() ? column.real(i, c) : 0.0; };
+        const bool servo = (bits & CAIRN_AXIS_SERVO) != 0;
+        if ((bits & CAIRN_AXIS_LIMITED) != 0 && !cone &&
+            !(in.lower.present() && in.upper.present() && ordered(in.lower.real(i, c), in.upper.real(i, c))))
+            return false;
+        if ((bits & CAIRN_AXIS_DRIVEN) != 0) {
+            if (!in.motor_speed.present() || !in.motor_force.present() || !not_negative(in.motor_force.real(i, c)))
+                return false;
+            const double speed = in.motor_speed.real(i, c);
+            if (servo ? !not_negative(speed) : !(speed - speed == 0))
+                return false;
+        }
+        if ((bits & (CAIRN_AXIS_SPRING | CAIRN_AXIS_SERVO)) != 0 && !(value(in.target) - value(in.target) == 0))
+            return false;
+        if (servo && !(not_negative(value(in.stiffness)) && not_negative(value(in.rate))))
+            return false;
+        return (bits & CAIRN_AXIS_SPRING) == 0 ||
+               (in.stiffness.present() && finite_not_negative(value(in.stiffness)) && finite_not_negative(value(in.damping)));
+    }
+    __device__ static bool finite_not_negative(double value) { return value >= 0 && value < kInfinite; }
 };
 
 struct RowBounds {

@@ -79,7 +79,8 @@ struct WriteLane : Write {
                               fields_at(d.contact_cold, kContactColdFields, place),
                               special ? fields_at(d.contact_extra, kContactExtraFields, place) : nullptr);
             else if (head < d.raw_base())
-                write_joint(output, head - d.joint_base(), fields_at(d.joint_cold, kJointColdFields, place));
+                write_joint(output, head - d.joint_base(), fields_at(d.joint, kJointFields, place),
+                            fields_at(d.joint_cold, kJointColdFields, place));
             else
                 write_row(output, head - d.raw_base() + p, fields_at(d.raw, kRawFields, place));
         }

@@ -1,4 +1,4 @@
-// Joints: six axes, three of translation and three of rotation, each free, locked, limited or driven (paper eq. 10-17).
+// Joints: six axes, three of translation and three of rotation, each free, locked, limited, driven or sprung (paper eq. 10-17).
 //
 //   gap = x_b + r_b - x_a - r_a, in the axes d_i of a's frame:  C_i = d_i . gap,
 //   J_i = [-d_i, -(a x d_i), d_i, b x d_i] with b = r_b and a = r_a + gap: both bodies get +-P at b's anchor, and J is exact,
@@ -6,10 +6,17 @@
 //   all locked: C = 2 vec(q_a^-1 q_b) with w >= 0, J_i = [0, -d_i, 0, d_i]
 //   free about k (hinge): paper eq. 14: k_a . j_b for the two other axes j, and the angle 2 atan2(q_k, q_w) about k
 //   Cardan angles of R = Rz Ry Rx: about b's x, the line of nodes and a's z
+//   vector: C = theta u, the rotation vector, along d_i: exact along u
+//   cone: q = swing twist; twist about x, J = (x_a + x_b) / (1 + x_a . x_b), and one limit for the swing vector s = theta u,
+//   u in a's y-z plane: C = (1 - |(s_y / y, s_z / z)|) / |grad|, the distance to the ellipse to first order. Below.
+//
+// Motors: v = speed, |lambda| <= h force. Servos: speed = rate e within their speed, e = target - C at the substep's start, and
+// force <= yield |e|. Springs, implicitly in h: v - k e / (c + h k) + lambda / (h (c + h k)) = 0, so that lambda / h = k e+ - c v+
+// with e+ = e - h v+, the error that the substep ends with.
 //
 // Locked axes are one block: D dlambda = -(w + bias + gamma lambda) by LDL^T, gamma = diag(K_ii) / (h omega (2 zeta + h omega))
 // with the unsplit K (paper eq. 22). Limited and driven axes follow one by one, their residuals brought up to date with D:
-// each step lowers the same majoriser.
+// each step lowers the same majoriser. max_force clips what the block gives, too, which is then no longer its minimum.
 #pragma once
 #include "bodies.h"
 #include "soft.h"
@@ -23,6 +30,31 @@ struct JointGeometry {
 };
 
 CAIRN_HD inline Lane component(const Quat<Lane>& q, int k) { return k == 0 ? q.x : k == 1 ? q.y : q.z; }
+
+// The swing vector's rate for a relative spin w is s' = (u . w) u - theta / sin(theta) ((u x d) . w) p, d = x_b and p = x_a x u:
+// twisting about d leaves s alone, so the limit has no torque about d.
+CAIRN_HD inline void measure_cone(const Quat<Lane>& q, const Axes<Lane>& a, const Vec3<Lane>& x_b, const Real* cold, JointGeometry& j) {
+    const Lane zero = Lane(Real(0)), one = Lane(Real(1)), two = Lane(Real(2)), small = Lane(Real(1e-6));
+    const Lane sign = select(q.w < zero, -one, one);
+    const Lane half_sine = root(q.y * q.y + q.z * q.z), half_cosine = root(q.x * q.x + q.w * q.w); // of theta / 2
+    j.error[3] = two * atan2_lane(q.x * sign, q.w * sign);
+    j.angular[0] = (a.x + x_b) * (one / maximum(one + dot(a.x, x_b), small));
+
+    // the swing's axis; where there is none any will do
+    const auto swings = half_sine * half_cosine > zero;
+    const Lane per = one / select(swings, half_sine * half_cosine, one);
+    const Lane u_y = select(swings, (q.w * q.y - q.x * q.z) * per, one), u_z = select(swings, (q.w * q.z + q.x * q.y) * per, zero);
+    const Lane theta = two * atan2_lane(half_sine, half_cosine);
+    const Lane stretch = maximum(one, theta / maximum(two * half_sine * half_cosine, small)); // theta / sin(theta)
+    const Lane y = load_as<Lane>(cold + (kLowerLimit + 5) * kGroup), z = load_as<Lane>(cold + (kUpperLimit + 5) * kGroup);
+    const Lane along = root(u_y * u_y * y * y + u_z * u_z * z * z); // of the gradient
+    const Lane across = u_y * u_z * (z * z - y * y) * inverse_or_zero(along);
+    const Lane per_gradient = inverse_or_zero(root(along * along + across * across));
+    const Vec3<Lane> u = a.y * u_y + a.z * u_z;
+    j.error[4] = (one - theta * along) * per_gradient;
+    j.angular[1] = (cross(u, x_b) * (across * stretch) - u * along) * per_gradient;
+    j.angular[2] = x_b;
+}
 
 CAIRN_HD inline JointGeometry measure_joint(const Frame<Real>& f, const Group& g, std::size_t lane, const Real* cold) {
     const Pose<Lane> pa = gather_pose(f.displacement, f.lane_a + lane), pb = gather_pose(f.displacement, f.lane_b + lane);
@@ -55,7 +87,20 @@ CAIRN_HD inline JointGeometry measure_joint(const Frame<Real>& f, const Group& g
         j.error[5] = q.z * two;
         return j;
     }
+    if (g.rotation == Rotation::vector) {
+        const Lane sign = select(q.w < zero, Lane(Real(-1)), Lane(Real(1))), sine = root(dot(vec(q), vec(q)));
+        const Lane scale =
+            select(sine > Lane(Real(1e-6)), Lane(Real(2)) * atan2_lane(sine, q.w * sign) * inverse_or_zero(sine), Lane(Real(2))) * sign;
+        j.error[3] = q.x * scale;
+        j.error[4] = q.y * scale;
+        j.error[5] = q.z * scale;
+        return j;
+    }
     const Axes<Lane> axes_b = axes_of(qb);
+    if (g.rotation == Rotation::cone) {
+        measure_cone(q, axes_a, axes_b.x, cold, j);
+        return j;
+    }
     const Vec3<Lane> of_b[3] = {axes_b.x, axes_b.y, axes_b.z};
     if (g.rotation == Rotation::cardan) {
         const Vec3<Lane> x = axes_b.x, z = axes_a.z;
@@ -168,6 +213,27 @@ CAIRN_HD inline void scatter_joint(const Frame<Real>& f, std::size_t lane, const
     scatter_impulse(f, lane, -push, -turn_a, push, turn_b);
 }
 
+// The motor, servo or spring of axis i at coordinate c. Later phases go on with the substep's: what it is to reach has not changed.
+CAIRN_HD inline void build_drive(const Frame<Real>& f, const Real* cold, std::uint32_t i, const Lane& c, const Lane& most, Real* hot) {
+    if (f.phase != Phase::substep)
+        return;
+    const Lane zero = Lane(Real(0)), one = Lane(Real(1)), h = Lane(f.h);
+    const Lane speed = load_as<Lane>(cold + (kSpeed + i) * kGroup), force = load_as<Lane>(cold + (kForce + i) * kGroup);
+    const Lane rate = load_as<Lane>(cold + (kRate + i) * kGroup), error = load_as<Lane>(cold + (kTarget + i) * kGroup) - c;
+    const auto spring = rate<zero, servo = rate> zero;
+    // a servo turns the shorter way
+    const Lane pi = of<Lane>(3.14159265358979323846), turn = i < 3 ? zero : pi + pi;
+    const Lane nearest = i < 3 ? error : select(error > pi, error - turn, select(error < -pi, error + turn, error));
+    const Lane wanted = clamp(minimum(rate, one / h) * nearest, -speed, speed);
+    const Lane yield = load_as<Lane>(cold + (kYield + i) * kGroup), huge = Lane(Real(1e30));
+    const Lane most_force = select(servo && yield < huge, minimum(force, yield * absolute(nearest)), force);
+    const Lane share = inverse_or_zero(speed + h * force, of<Lane>(1e-30)); // 1 / (c + h k)
+    const Lane none = select(share > zero, zero, huge);                     // a spring without stiffness or damping
+    store(select(spring, force * share * error, select(servo, wanted, speed)), hot + (kMotorSpeed + i) * kGroup);
+    store(minimum(select(spring, most, most_force * h), most), hot + (kMotorBound + i) * kGroup);
+    store(select(spring, share / h + none, zero), hot + (kMotorGamma + i) * kGroup);
+}
+
 CAIRN_HD inline void build_joints(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     Real* hot = fields_of(f.joint, kJointFields, g, 0, sub);
     Real* cold = fields_of(f.joint_cold, kJointColdFields, g, 0, sub);
@@ -184,6 +250,8 @@ CAIRN_HD inline void build_joints(const Frame<Real>& f, const Group& g, std::siz
                            : f.soft ? soft_rate(f.joint_omega, f.joint_zeta, f.h)
                                     : baumgarte_rate(f.joint_baumgarte, f.h));
     const JointBlock block = block_of(f, lane, rows, locked, compliance);
+    const Lane most = load_as<Lane>(cold + kMostForce * kGroup) * h;
+    store(most, hot + kMost * kGroup);
 
     for (int i = 0; i < 3; ++i) {
         store3(j.linear[i], hot + (kLinear + 3 * i) * kGroup);
@@ -211,11 +279,11 @@ CAIRN_HD inline void build_joints(const Frame<Real>& f, const Group& g, std::siz
             continue;
         const Lane d = block.d[triangle(static_cast<int>(i), static_cast<int>(i))], huge = Lane(Real(1e30));
         store(inverse_or_zero(d + gamma) * limited[i], hot + (kInverseD + i) * kGroup);
-        store(select(lower, zero, -huge), hot + (kLow + i) * kGroup);
-        store(select(lower, huge, zero), hot + (kHigh + i) * kGroup);
-        store(inverse_or_zero(d) * driven[i], hot + (kMotorInverse + i) * kGroup);
-        store(load_as<Lane>(cold + (kSpeed + i) * kGroup), hot + (kMotorSpeed + i) * kGroup);
-        store(load_as<Lane>(cold + (kForce + i) * kGroup) * h, hot + (kMotorBound + i) * kGroup);
+        store(select(lower, zero, -most), hot + (kLow + i) * kGroup);
+        store(select(lower, most, zero), hot + (kHigh + i) * kGroup);
+        build_drive(f, cold, i, j.error[i], most, hot);
+        const Lane stiff = load_as<Lane>(hot + (kMotorGamma + i) * kGroup);
+        store(select(stiff < huge, inverse_or_zero(d + stiff), zero) * driven[i], hot + (kMotorInverse + i) * kGroup);
     }
     if (g.bounded)
         for (std::uint32_t i = 0; i < 21; ++i)
@@ -232,7 +300,7 @@ CAIRN_HD inline void build_joints(const Frame<Real>& f, const Group& g, std::siz
                 const Lane low = i < 6 ? load_as<Lane>(hot + (kLow + axis) * kGroup) : -load_as<Lane>(hot + (kMotorBound + axis) * kGroup);
                 const Lane high = i < 6 ? load_as<Lane>(hot + (kHigh + axis) * kGroup) : load_as<Lane>(hot + (kMotorBound + axis) * kGroup);
                 const Lane on = i < 6 ? limited[axis] : driven[axis];
-                start = select(on > zero, clamp(start, low, high), i < 6 ? start * locked[axis] : zero);
+                start = select(on > zero, clamp(start, low, high), i < 6 ? clamp(start * locked[axis], -most, most) : zero);
             } else { // what an axis that is now free, or a motor that is gone, did last time ends
                 start = i < 6 ? start * locked[axis] : zero;
             }
@@ -283,8 +351,15 @@ CAIRN_HD void sweep_joints_of(const Frame<Real>& f, const Group& g, std::size_t 
 
     // step: change from y, which the residuals follow; gain: from x, which the bodies get
     Lane restart = zero, residual = zero, gain[6];
+    const Lane most = kBounded ? load_as<Lane>(hot + kMost * kGroup) : zero;
     for (std::uint32_t i = 0; i < 6; ++i) {
         Lane next = y[i] + step[i];
+        if constexpr (kBounded) {
+            const Lane clipped = clamp(next, -most, most);
+            const auto beyond = (pivot[i] > zero) && !(clipped == next);
+            next = select(beyond, clipped, next);
+            step[i] = select(beyond, next - y[i], step[i]);
+        }
         if constexpr (kReduces) {
             next = select(active, next, x[i]);
             step[i] = next - y[i];
@@ -313,7 +388,7 @@ CAIRN_HD void sweep_joints_of(const Frame<Real>& f, const Group& g, std::size_t 
                        high = motor ? bound : load_as<Lane>(hot + (kHigh + i) * kGroup);
             const Lane inverse = load_as<Lane>(hot + ((motor ? kMotorInverse : kInverseD) + i) * kGroup);
             const Lane target =
-                motor ? -load_as<Lane>(hot + (kMotorSpeed + i) * kGroup)
+                motor ? load_as<Lane>(hot + (kMotorGamma + i) * kGroup) * y[m] - load_as<Lane>(hot + (kMotorSpeed + i) * kGroup)
                       : load_as<Lane>(hot + (kJointBias + i) * kGroup) + load_as<Lane>(hot + (kJointGamma + i) * kGroup) * y[i];
             const auto on = inverse > zero;
             Lane next = select(on, clamp(y[m] - (change + target) * inverse, low, high), motor ? zero : y[i] + step[i]);

@@ -98,12 +98,19 @@ inline constexpr std::array kJointTable = {
     Field{"frame_a", &cairn_joints::frame_a, &JointColumns::frame_a, Kind::real, 4, false, kUnit},
     Field{"frame_b", &cairn_joints::frame_b, &JointColumns::frame_b, Kind::real, 4, false, kUnit},
     Field{"axes", &cairn_joints::axes, &JointColumns::axes, Kind::integer, 6, true,
-          bits_of(CAIRN_AXIS_LOCKED | CAIRN_AXIS_LIMITED | CAIRN_AXIS_DRIVEN, "CAIRN_AXIS_LOCKED (1), LIMITED (2) and DRIVEN (4)")},
+          bits_of(CAIRN_AXIS_LOCKED | CAIRN_AXIS_LIMITED | CAIRN_AXIS_DRIVEN | CAIRN_AXIS_SPRING | CAIRN_AXIS_SERVO,
+                  "CAIRN_AXIS_LOCKED (1), LIMITED (2), DRIVEN (4), SPRING (8) and SERVO (16)")},
     Field{"lower", &cairn_joints::lower, &JointColumns::lower, Kind::real, 6, false, kAny},
     Field{"upper", &cairn_joints::upper, &JointColumns::upper, Kind::real, 6, false, kAny},
     Field{"motor_speed", &cairn_joints::motor_speed, &JointColumns::motor_speed, Kind::real, 6, false, kAny},
     Field{"motor_force", &cairn_joints::motor_force, &JointColumns::motor_force, Kind::real, 6, false, kAny},
     Field{"key", &cairn_joints::key, &JointColumns::key, Kind::key, 1, false, kAny},
+    Field{"rotation", &cairn_joints::rotation, &JointColumns::rotation, Kind::integer, 1, false, kAny},
+    Field{"target", &cairn_joints::target, &JointColumns::target, Kind::real, 6, false, kAny},
+    Field{"stiffness", &cairn_joints::stiffness, &JointColumns::stiffness, Kind::real, 6, false, kAny},
+    Field{"damping", &cairn_joints::damping, &JointColumns::damping, Kind::real, 6, false, kAny},
+    Field{"rate", &cairn_joints::rate, &JointColumns::rate, Kind::real, 6, false, kAny},
+    Field{"max_force", &cairn_joints::max_force, &JointColumns::max_force, Kind::real, 1, false, kAny},
 };
 
 inline constexpr std::array kRowTable = {
@@ -144,6 +151,8 @@ inline constexpr std::array kResultTable = {
     ResultField{"joint_impulse", &cairn_results::joint_impulse, &Output::joint_impulse, Of::joints, 6, nullptr},
     ResultField{"row_impulse", &cairn_results::row_impulse, &Output::row_impulse, Of::rows, 1, nullptr},
     ResultField{"torsion_impulse", &cairn_results::torsion_impulse, &Output::torsion_impulse, Of::contacts, 3, nullptr},
+    ResultField{"joint_linear", &cairn_results::joint_linear, &Output::joint_linear, Of::joints, 3, nullptr},
+    ResultField{"joint_angular", &cairn_results::joint_angular, &Output::joint_angular, Of::joints, 3, nullptr},
 };
 
 } // namespace cairn

@@ -91,7 +91,9 @@ enum JointField : std::uint32_t {
     kMotorInverse = 96,
     kMotorSpeed = 102,
     kMotorBound = 108,
-    kJointLambda = 114, // two buffers of twelve: axes, motors
+    kMotorGamma = 114,  // of springs, else 0
+    kMost = 120,        // bound of every impulse
+    kJointLambda = 121, // two buffers of twelve: axes, motors and springs
     kJointFields = kJointLambda + 24,
 };
 enum JointColdField : std::uint32_t {
@@ -102,17 +104,21 @@ enum JointColdField : std::uint32_t {
     kStartGap = 14,
     kIsLocked = 17,
     kIsLimited = 23,
-    kIsDriven = 29,
+    kIsDriven = 29, // by a motor or a spring
     kLowerLimit = 35,
     kUpperLimit = 41,
-    kSpeed = 47,
-    kForce = 53,
-    kJointTotal = 59,
+    kSpeed = 47,  // springs: damping
+    kForce = 53,  // springs: stiffness
+    kTarget = 59, // of servos and springs
+    kRate = 65,   // of servos; 0: a motor, negative: a spring
+    kYield = 71,  // of servos: force per error
+    kMostForce = 77,
+    kJointTotal = 78,
     kJointKept = kJointTotal + 12,
     kJointColdFields = kJointKept + 12,
 };
 // How a group of joints measures rotation.
-enum class Rotation : std::uint32_t { none, locked, about_x, about_y, about_z, cardan };
+enum class Rotation : std::uint32_t { none, locked, about_x, about_y, about_z, cardan, vector, cone };
 
 // Fields of a raw row.
 enum RawField : std::uint32_t {
@@ -134,14 +140,14 @@ enum RawField : std::uint32_t {
     kRawFields,
 };
 
-// Lanes side by side are of one shape; shapes in the order in which they are laid out.
 // What the points of a manifold have, the most that any of them has; special: a spring, or a target for the slip.
 enum class ContactKind : std::uint32_t { torsional, special, frictional, smooth };
 CAIRN_HD constexpr std::uint32_t rows_of(ContactKind kind) {
     return kind == ContactKind::torsional ? 6 : kind == ContactKind::smooth ? 1 : 3;
 }
 
-constexpr std::uint32_t kContactShapes = 4 * kPoints, kJointShapes = 12, kRawShapes = kRawRows;
+// Lanes side by side are of one shape; shapes in the order in which they are laid out.
+constexpr std::uint32_t kContactShapes = 4 * kPoints, kJointShapes = 16, kRawShapes = kRawRows;
 
 struct Group {
     std::uint32_t first = 0;       // place of lane 0's first point (joint, row) among all of its kind
@@ -149,7 +155,7 @@ struct Group {
     std::uint32_t count = 0;       // points of each manifold, rows of each raw block, 1 for joints
     Rotation rotation = Rotation::none;
     ContactKind contact = ContactKind::smooth;
-    bool bounded = false; // joints: some lane has a limited or driven axis
+    bool bounded = false; // joints: some lane has a limited, driven or sprung axis, or bounded impulses
 
     CAIRN_HD bool special() const { return contact <= ContactKind::special; }
 };

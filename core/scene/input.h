@@ -93,6 +93,7 @@ struct JointColumns {
     std::uint64_t revision = 0;
     bool on_device = false; // a column of it is: capi has not checked the elements
     Column body_a, body_b, anchor_a, anchor_b, frame_a, frame_b, axes, lower, upper, motor_speed, motor_force, key;
+    Column rotation, target, stiffness, damping, rate, max_force;
 };
 
 struct RowColumns {
@@ -114,6 +115,7 @@ struct Input {
 struct Output {
     MutableColumn position, orientation, linear_velocity, angular_velocity;
     MutableColumn contact_impulse, friction_impulse, joint_impulse, row_impulse, torsion_impulse;
+    MutableColumn joint_linear, joint_angular;
 };
 
 } // namespace cairn

@@ -190,9 +190,15 @@ CAIRN_HD void pack_contact(const ContactColumns& in, std::size_t i, Friction mod
 
 // ---- Joints ----
 
+// A cone is one limit over two axes, the first of which has its row.
+CAIRN_HD inline bool joint_has_cone(const JointColumns& in, std::size_t i) {
+    return flags_of(in.rotation, i) == 2u && (in.axes.integer(i, 4) & 2);
+}
 // cairn_joints.axes of one axis; a limit without room is a lock.
 CAIRN_HD inline std::uint32_t axis_flags(const JointColumns& in, std::size_t i, std::size_t axis) {
     const std::uint32_t flags = static_cast<std::uint32_t>(in.axes.integer(i, axis));
+    if (axis >= 4 && joint_has_cone(in, i))
+        return axis == 4 ? flags : 0;
     const bool pinned = (flags & 2u) && in.lower.real(i, axis) == in.upper.real(i, axis);
     return pinned ? 1u : flags;
 }
@@ -200,7 +206,7 @@ CAIRN_HD inline std::uint32_t joint_rows(const JointColumns& in, std::size_t i) 
     std::uint32_t rows = 0;
     for (std::size_t axis = 0; axis < 6; ++axis) {
         const std::uint32_t flags = axis_flags(in, i, axis);
-        rows += (flags & 3u ? 1u : 0u) + (flags & 4u ? 1u : 0u);
+        rows += (flags & 3u ? 1u : 0u) + (flags & (4u | 8u) ? 1u : 0u);
     }
     return rows;
 }
@@ -218,6 +224,8 @@ CAIRN_HD inline Rotation joint_rotation(const JointColumns& in, std::size_t i) {
     }
     if (!used)
         return Rotation::none;
+    if (const std::uint32_t wanted = flags_of(in.rotation, i); wanted != 0)
+        return wanted == 1 ? Rotation::vector : Rotation::cone;
     if (locked == 3)
         return Rotation::locked;
     if (locked == 2)
@@ -228,7 +236,7 @@ CAIRN_HD inline bool joint_bounded(const JointColumns& in, std::size_t i) {
     for (std::size_t axis = 0; axis < 6; ++axis)
         if (axis_flags(in, i, axis) > 1u)
             return true;
-    return false;
+    return real_or(in.max_force, i, kHuge) < kHuge;
 }
 
 template <class S>
@@ -258,17 +266,38 @@ CAIRN_HD void pack_joint(const BodyColumns& bodies, const JointColumns& in, std:
     };
     put4(kStartFrameA, a.frame);
     put4(kStartFrameB, b.frame);
+    const bool cone = joint_has_cone(in, i);
     for (std::size_t axis = 0; axis < 6; ++axis) {
         const std::uint32_t given = static_cast<std::uint32_t>(in.axes.integer(i, axis)), flags = axis_flags(in, i, axis);
-        const double low = given & 2u ? maximum(in.lower.real(i, axis), -kHuge) : 0;
-        const double high = given & 2u ? minimum(in.upper.real(i, axis), kHuge) : 0;
+        const bool has_range = (given & 2u) && !(cone && axis >= 4);
+        const double low = has_range ? maximum(in.lower.real(i, axis), -kHuge) : 0;
+        const double high = has_range ? minimum(in.upper.real(i, axis), kHuge) : 0;
         *field_at(cold, kIsLocked + axis) = flags & 1u ? S(1) : S(0);
         *field_at(cold, kIsLimited + axis) = flags & 2u ? S(1) : S(0);
-        *field_at(cold, kIsDriven + axis) = flags & 4u ? S(1) : S(0);
+        *field_at(cold, kIsDriven + axis) = flags & (4u | 8u) ? S(1) : S(0);
         *field_at(cold, kLowerLimit + axis) = static_cast<S>(low);
         *field_at(cold, kUpperLimit + axis) = static_cast<S>(high);
-        *field_at(cold, kSpeed + axis) = static_cast<S>(flags & 4u ? in.motor_speed.real(i, axis) : 0);
+        *field_at(cold, kSpeed + axis) = static_cast<S>(flags & 4u ? clamp(in.motor_speed.real(i, axis), -kHuge, kHuge) : 0);
         *field_at(cold, kForce + axis) = static_cast<S>(flags & 4u ? minimum(in.motor_force.real(i, axis), kHuge) : 0);
+        if (flags & (8u | 16u))
+            *field_at(cold, kTarget + axis) = static_cast<S>(in.target.present() ? in.target.real(i, axis) : 0);
+        if (flags & 16u) {
+            const double yield = in.stiffness.present() ? in.stiffness.real(i, axis) : kHuge;
+            const double rate = in.rate.present() ? in.rate.real(i, axis) : kHuge;
+            *field_at(cold, kYield + axis) = static_cast<S>(minimum(yield, kHuge));
+            *field_at(cold, kRate + axis) = static_cast<S>(clamp(rate, 1 / kHuge, kHuge));
+        }
+        if (flags & 8u) {
+            *field_at(cold, kSpeed + axis) = static_cast<S>(in.damping.present() ? in.damping.real(i, axis) : 0);
+            *field_at(cold, kForce + axis) = static_cast<S>(in.stiffness.real(i, axis));
+            *field_at(cold, kRate + axis) = S(-1);
+        }
+    }
+    *field_at(cold, kMostForce) = static_cast<S>(minimum(real_or(in.max_force, i, kHuge), kHuge));
+    if (cone) { // one coordinate, >= 0 inside; the second axis' limits hold the half-angles' inverses
+        *field_at(cold, kUpperLimit + 4) = static_cast<S>(kHuge);
+        *field_at(cold, kLowerLimit + 5) = static_cast<S>(1 / minimum(in.upper.real(i, 4), kHuge));
+        *field_at(cold, kUpperLimit + 5) = static_cast<S>(1 / minimum(in.upper.real(i, 5), kHuge));
     }
     if (last)
         for (std::size_t k = 0; k < 12; ++k)

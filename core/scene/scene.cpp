@@ -147,7 +147,7 @@ template <class S> void Scene<S>::write(const Input& input, const Output& output
     for (std::size_t i = 0; i < input.joints.count; ++i)
         clear_joint(output, i);
     for (const Block& block : joint_blocks_)
-        write_joint(output, block.first, joint_cold_at(block));
+        write_joint(output, block.first, joint_at(block), joint_cold_at(block));
     for (std::size_t i = 0; i < input.rows.count; ++i)
         clear_row(output, i);
     for (const Block& block : raw_blocks_)

@@ -49,11 +49,23 @@ template <class S> CAIRN_HD void write_contact(const Output& output, std::size_t
     if (output.torsion_impulse.present() && extra)
         put_result(output.torsion_impulse, i, get3(field_at(extra, kTorqueTotal), kGroup));
 }
-template <class S> CAIRN_HD void write_joint(const Output& output, std::size_t i, const S* cold) {
+// Impulses along three directions (of `hot`), as a world vector.
+template <class S> CAIRN_HD DVec impulse_along(const S* hot, std::uint32_t directions, const S* total) {
+    DVec sum{0, 0, 0};
+    for (std::uint32_t k = 0; k < 3; ++k)
+        sum = sum + get3(field_at(hot, directions + 3 * k), kGroup) *
+                        (static_cast<double>(total[k * kGroup]) + static_cast<double>(total[(k + 6) * kGroup]));
+    return sum;
+}
+template <class S> CAIRN_HD void write_joint(const Output& output, std::size_t i, const S* hot, const S* cold) {
     const S* total = field_at(cold, kJointTotal);
     if (output.joint_impulse.present())
         for (std::size_t c = 0; c < 6; ++c)
             output.joint_impulse.set(i, c, static_cast<double>(total[c * kGroup]) + static_cast<double>(total[(c + 6) * kGroup]));
+    if (output.joint_linear.present())
+        put_result(output.joint_linear, i, impulse_along(hot, kLinear, total));
+    if (output.joint_angular.present())
+        put_result(output.joint_angular, i, impulse_along(hot, kAngular, total + 3 * kGroup));
 }
 template <class S> CAIRN_HD void write_row(const Output& output, std::size_t i, const S* hot) {
     if (output.row_impulse.present())
@@ -72,6 +84,10 @@ CAIRN_HD inline void clear_joint(const Output& output, std::size_t i) {
     if (output.joint_impulse.present())
         for (std::size_t c = 0; c < 6; ++c)
             output.joint_impulse.set(i, c, 0);
+    if (output.joint_linear.present())
+        put_result(output.joint_linear, i, {0, 0, 0});
+    if (output.joint_angular.present())
+        put_result(output.joint_angular, i, {0, 0, 0});
 }
 CAIRN_HD inline void clear_row(const Output& output, std::size_t i) {
     if (output.row_impulse.present())

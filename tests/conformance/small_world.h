@@ -34,9 +34,10 @@ struct SmallWorld {
     };
     struct Joint {
         std::int32_t body_a, body_b;
-        double anchor_a[3], anchor_b[3], frame_a[4], frame_b[4], lower[6], upper[6], motor_speed[6], motor_force[6], impulse[6];
+        double anchor_a[3], anchor_b[3], frame_a[4], frame_b[4], lower[6], upper[6], motor_speed[6], motor_force[6], target[6],
+            stiffness[6], damping[6], rate[6], max_force, impulse[6], linear[3], angular[3];
         std::uint64_t key;
-        std::uint32_t axes[6];
+        std::uint32_t axes[6], rotation, padding;
     };
     struct Row {
         std::int32_t body_a, body_b, friction_index, block;
@@ -114,8 +115,9 @@ inline SmallWorld::SmallWorld() {
         for (int c = 0; c < 6; ++c) {
             joint.axes[c] = CAIRN_AXIS_FREE;
             joint.lower[c] = joint.motor_speed[c] = joint.motor_force[c] = kNan; // not read but where an axis says so
-            joint.upper[c] = kNan;
+            joint.upper[c] = joint.target[c] = joint.stiffness[c] = joint.damping[c] = joint.rate[c] = kNan;
         }
+        joint.max_force = kInf;
         joint.key = static_cast<std::uint64_t>(7 - i);
     }
     joints[1].axes[1] = CAIRN_AXIS_LIMITED;
@@ -186,7 +188,13 @@ inline SmallWorld::SmallWorld() {
                    view(joints[0].upper, joint),
                    view(joints[0].motor_speed, joint),
                    view(joints[0].motor_force, joint),
-                   view(&joints[0].key, joint)};
+                   view(&joints[0].key, joint),
+                   view(&joints[0].rotation, joint),
+                   view(joints[0].target, joint),
+                   view(joints[0].stiffness, joint),
+                   view(joints[0].damping, joint),
+                   view(joints[0].rate, joint),
+                   view(&joints[0].max_force, joint)};
     row_table = {sizeof row_table,
                  8,
                  0,
@@ -213,7 +221,9 @@ inline SmallWorld::SmallWorld() {
                view(contacts[0].friction_impulse, contact),
                view(joints[0].impulse, joint),
                view(&rows[0].impulse, row),
-               view(contacts[0].torsion_impulse, contact)};
+               view(contacts[0].torsion_impulse, contact),
+               view(joints[0].linear, joint),
+               view(joints[0].angular, joint)};
 }
 
 // A step of that world. One program's is step_on_host.cpp's; another's keeps the arrays in device memory (tests/gpu).

@@ -12,7 +12,7 @@ class RefusedData : public SmallWorldTest {
 
 TEST_F(RefusedData, TheWorldItselfIsAccepted) {
     accepted("unbroken", [](W&) {});
-    accepted("no results", [](W& w) { w.results = {sizeof w.results, 0, {}, {}, {}, {}, {}, {}, {}, {}, {}}; });
+    accepted("no results", [](W& w) { w.results = cairn_results{}, w.results.struct_size = sizeof w.results; });
 }
 
 TEST_F(RefusedData, Bodies) {
@@ -78,7 +78,10 @@ TEST_F(RefusedData, Joints) {
     bad({"joints.anchor_b[2][1] is inf"}, [](W& w) { w.joints[2].anchor_b[1] = kInf; });
     bad({"joints.frame_a[0] is (0, 0, 0, 2)", "norm 2"}, [](W& w) { w.joints[0].frame_a[3] = 2; });
     bad({"joints.frame_b[0][1] is nan"}, [](W& w) { w.joints[0].frame_b[1] = kNan; });
-    bad({"joints.axes[1][3] is 8"}, [](W& w) { w.joints[1].axes[3] = 8; });
+    bad({"joints.axes[1][3] is 32"}, [](W& w) { w.joints[1].axes[3] = 32; });
+    bad({"joints.axes[1][3] is 9", "locked"}, [](W& w) { w.joints[1].axes[3] = CAIRN_AXIS_LOCKED | CAIRN_AXIS_SPRING; });
+    bad({"joints.axes[1][3] is 16", "DRIVEN"}, [](W& w) { w.joints[1].axes[3] = CAIRN_AXIS_SERVO; });
+    bad({"joints.axes[2][5] is 12", "a motor or a spring"}, [](W& w) { w.joints[2].axes[5] |= CAIRN_AXIS_SPRING; });
     bad({"joints.axes[1][3] is 3", "locked"}, [](W& w) { w.joints[1].axes[3] = CAIRN_AXIS_LOCKED | CAIRN_AXIS_LIMITED; });
     bad({"joints.axes[1][3] is 5", "locked"}, [](W& w) { w.joints[1].axes[3] = CAIRN_AXIS_LOCKED | CAIRN_AXIS_DRIVEN; });
     bad({"joints.lower[1][1] is 1.5", "joints.upper[1][1]", "is 1"}, [](W& w) { w.joints[1].lower[1] = 1.5; });
@@ -91,6 +94,45 @@ TEST_F(RefusedData, Joints) {
     bad({"joints.axes[1][1] is limited, but joints.lower is absent"}, [](W& w) { w.joint_table.lower.data = nullptr; });
     bad({"joints.axes[1][1] is limited, but joints.upper is absent"}, [](W& w) { w.joint_table.upper.data = nullptr; });
     bad({"joints.axes[2][5] is driven, but joints.motor_force is absent"}, [](W& w) { w.joint_table.motor_force.data = nullptr; });
+    const auto spring = [](W& w) {
+        w.joints[0].axes[4] = CAIRN_AXIS_SPRING;
+        w.joints[0].target[4] = w.joints[0].damping[4] = 0;
+        w.joints[0].stiffness[4] = 1;
+    };
+    const auto servo = [](W& w) {
+        w.joints[2].axes[5] |= CAIRN_AXIS_SERVO;
+        w.joints[2].target[5] = 0.1;
+        w.joints[2].stiffness[5] = w.joints[2].rate[5] = w.joints[2].motor_speed[5] = kInf;
+    };
+    const auto cone = [](W& w) {
+        w.joints[1].rotation = CAIRN_ROTATION_CONE;
+        w.joints[1].axes[4] = w.joints[1].axes[5] = CAIRN_AXIS_LIMITED;
+        w.joints[1].upper[4] = 0.5;
+        w.joints[1].upper[5] = kInf;
+    };
+    accepted("a spring", spring);
+    accepted("a servo", servo);
+    accepted("a cone, whose lower limits are not read", cone);
+    accepted("a cone without lower limits", [cone](W& w) {
+        cone(w);
+        w.joints[1].axes[1] = CAIRN_AXIS_FREE;
+        w.joint_table.lower.data = nullptr;
+    });
+    bad({"joints.stiffness[0][4] is inf"}, [spring](W& w) { spring(w), w.joints[0].stiffness[4] = kInf; });
+    bad({"joints.stiffness[0][4] is -1"}, [spring](W& w) { spring(w), w.joints[0].stiffness[4] = -1; });
+    bad({"joints.damping[0][4] is nan"}, [spring](W& w) { spring(w), w.joints[0].damping[4] = kNan; });
+    bad({"joints.target[0][4] is inf"}, [spring](W& w) { spring(w), w.joints[0].target[4] = kInf; });
+    bad({"joints.axes[0][4] is a spring's, but joints.stiffness is absent"},
+        [spring](W& w) { spring(w), w.joint_table.stiffness.data = nullptr; });
+    bad({"joints.stiffness[2][5] is nan"}, [servo](W& w) { servo(w), w.joints[2].stiffness[5] = kNan; });
+    bad({"joints.rate[2][5] is -1"}, [servo](W& w) { servo(w), w.joints[2].rate[5] = -1; });
+    bad({"joints.target[2][5] is nan"}, [servo](W& w) { servo(w), w.joints[2].target[5] = kNan; });
+    bad({"joints.motor_speed[2][5] is -1"}, [servo](W& w) { servo(w), w.joints[2].motor_speed[5] = -1; });
+    bad({"joints.rotation[1] is 3"}, [](W& w) { w.joints[1].rotation = 3; });
+    bad({"joints.axes[1][5] is 0", "CONE"}, [cone](W& w) { cone(w), w.joints[1].axes[5] = CAIRN_AXIS_FREE; });
+    bad({"joints.axes[1][4] is 1", "CONE"}, [cone](W& w) { cone(w), w.joints[1].axes[4] = CAIRN_AXIS_LOCKED; });
+    bad({"joints.upper[1][4] is 0", "half-angle"}, [cone](W& w) { cone(w), w.joints[1].upper[4] = 0; });
+    bad({"joints.max_force[1] is nan"}, [](W& w) { w.joints[1].max_force = kNan; });
     bad({"joints.key[2] is 7", "joints.key[0]"}, [](W& w) { w.joints[2].key = 7; });
     accepted("a motor without bound", [](W& w) { w.joints[2].motor_force[5] = kInf; });
     accepted("no limits where nothing is limited", [](W& w) {

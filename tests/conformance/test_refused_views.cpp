@@ -39,10 +39,13 @@ TEST_F(RefusedViews, RequiredOnes) {
     wrong({"contacts.count is 2147483647", "2147483646"}, [](W& w) { w.contact_table.count = 0x7fffffffu; });
     accepted("the optional ones left out", [](W& w) {
         for (cairn_view* view :
-             {&w.body_table.force, &w.body_table.torque, &w.body_table.linear_factor, &w.body_table.angular_factor, &w.body_table.flags,
-              &w.contact_table.friction, &w.contact_table.restitution, &w.contact_table.tangent, &w.contact_table.key,
-              &w.contact_table.flags, &w.joint_table.frame_a, &w.joint_table.frame_b, &w.joint_table.key, &w.row_table.rhs,
-              &w.row_table.compliance, &w.row_table.friction, &w.row_table.key, &w.results.joint_impulse})
+             {&w.body_table.force,      &w.body_table.torque,      &w.body_table.linear_factor,  &w.body_table.angular_factor,
+              &w.body_table.flags,      &w.contact_table.friction, &w.contact_table.restitution, &w.contact_table.tangent,
+              &w.contact_table.key,     &w.contact_table.flags,    &w.joint_table.frame_a,       &w.joint_table.frame_b,
+              &w.joint_table.key,       &w.joint_table.rotation,   &w.joint_table.target,        &w.joint_table.stiffness,
+              &w.joint_table.damping,   &w.joint_table.rate,       &w.joint_table.max_force,     &w.results.joint_linear,
+              &w.results.joint_angular, &w.row_table.rhs,          &w.row_table.compliance,      &w.row_table.friction,
+              &w.row_table.key,         &w.results.joint_impulse})
             view->data = nullptr;
         cairn_contacts& c = w.contact_table;
         for (cairn_view* view : {&c.friction_scale, &c.surface_velocity, &c.rolling_friction, &c.spinning_friction, &c.stiffness,

@@ -41,7 +41,7 @@ Contacts = table(
 )
 RESULTS = (
     "position orientation linear_velocity angular_velocity contact_impulse friction_impulse joint_impulse row_impulse "
-    "torsion_impulse"
+    "torsion_impulse joint_linear joint_angular"
 )
 
 

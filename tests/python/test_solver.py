@@ -126,6 +126,31 @@ def test_a_belt_carries_and_a_spring_yields() -> None:
     arm = contacts.arm_b[0] - 0.5 * contacts.separation[0] * contacts.normal[0]
     turn = np.cross(arm, results.friction_impulse[0]) + results.torsion_impulse[0]
     np.testing.assert_allclose(results.angular_velocity[0], turn * bodies.inverse_inertia[0], atol=1e-6)
+def test_spring_carries_a_weight_and_a_servo_turns() -> None:
+    bodies = some_bodies(1)
+    state = np.zeros((1, 6), np.uint32)
+    state[0] = cairn.LOCKED
+    state[0, 1], state[0, 5] = cairn.SPRING, cairn.DRIVEN | cairn.SERVO
+    per_axis = {name: np.zeros((1, 6)) for name in ("target", "stiffness", "damping", "motor_speed", "motor_force")}
+    per_axis["stiffness"][0, [1, 5]] = 100, np.inf
+    per_axis["damping"][0, 1] = 20
+    per_axis["target"][0, 5] = 0.5
+    per_axis["motor_speed"][0, 5] = per_axis["motor_force"][0, 5] = 1e3
+    joints = cairn.Joints(
+        body_a=np.array([cairn.WORLD], np.int32),
+        body_b=np.array([0], np.int32),
+        anchor_a=bodies.position.copy(),
+        anchor_b=np.zeros((1, 3)),
+        axes=state,
+        **per_axis,
+    )
+    start, mass = bodies.position.copy(), 1 / bodies.inverse_mass[0]
+    solver = cairn.Solver("tjsoft")
+    for _ in range(300):
+        results = solver.step(0.01, bodies, joints=joints, out=bodies)
+    np.testing.assert_allclose(bodies.position - start, [[0, -mass * 9.81 / 100, 0]], atol=1e-3)
+    np.testing.assert_allclose(results.joint_linear, [[0, mass * 0.0981, 0]], atol=1e-4)
+    np.testing.assert_allclose(2 * np.arctan2(bodies.orientation[0, 2], bodies.orientation[0, 3]), 0.5, atol=1e-3)
 
 
 def test_raw_row_reaches_its_target() -> None:

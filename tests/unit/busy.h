@@ -71,6 +71,25 @@ inline Scene every_kind(std::uint64_t seed) {
                             CAIRN_AXIS_LIMITED, CAIRN_AXIS_LIMITED, CAIRN_AXIS_FREE};
     scene.joints[0].motor_speed[2] = 1;
     scene.joints[0].motor_force[2] = 5;
+    if (scene.joints.size() > 2) {
+        Joint &cone = scene.joints[1], &servos = scene.joints[2];
+        cone.axes = {CAIRN_AXIS_SPRING, CAIRN_AXIS_LOCKED,  CAIRN_AXIS_SPRING | CAIRN_AXIS_LIMITED,
+                     CAIRN_AXIS_SPRING, CAIRN_AXIS_LIMITED, CAIRN_AXIS_LIMITED};
+        cone.rotation = CAIRN_ROTATION_CONE;
+        cone.stiffness = {50, 0, 20, 5, 0, 0};
+        cone.damping = {1, 0, 0, 0.5, 0, 0};
+        cone.lower = {0, 0, -0.1, 0, 0, 0};
+        cone.upper = {0, 0, 0.1, 0, 0.2, 0.1};
+        cone.max_force = 30;
+        constexpr std::uint32_t servo = CAIRN_AXIS_DRIVEN | CAIRN_AXIS_SERVO;
+        servos.axes = {CAIRN_AXIS_LOCKED, CAIRN_AXIS_LOCKED, servo, servo, servo, servo};
+        servos.rotation = CAIRN_ROTATION_VECTOR;
+        servos.target = {0, 0, 0.1, 0.3, -0.2, 0.1};
+        servos.stiffness = {0, 0, 40, kInfinity, kInfinity, 3};
+        servos.rate = {0, 0, 7, 10, kInfinity, 3};
+        servos.motor_speed = {0, 0, kInfinity, 2, 1, 1};
+        servos.motor_force = {0, 0, 10, 5, kInfinity, 5};
+    }
     add_random_contacts(random, scene, 2 + static_cast<int>(seed * 5), 0.5);
     if (seed == 2)
         for (Contact& c : scene.contacts)

@@ -101,6 +101,9 @@ struct Joint {
     Axes axes{};
     std::array<double, 6> lower{}, upper{}, motor_speed{}, motor_force{};
     std::uint64_t key = 0;
+    std::uint32_t rotation = CAIRN_ROTATION_BY_AXES;
+    std::array<double, 6> target{}, stiffness{}, damping{}, rate{kInfinity, kInfinity, kInfinity, kInfinity, kInfinity, kInfinity};
+    double max_force = kInfinity;
 };
 
 struct Row {
@@ -115,7 +118,7 @@ struct Row {
 
 // Impulses of a step, as cairn_results documents them.
 struct Impulses {
-    std::vector<double> contact, friction, torsion, joint, row;
+    std::vector<double> contact, friction, torsion, joint, joint_linear, joint_angular, row;
     Vec3 friction_of(std::size_t i) const { return {friction[3 * i], friction[3 * i + 1], friction[3 * i + 2]}; }
     Vec3 torsion_of(std::size_t i) const { return {torsion[3 * i], torsion[3 * i + 1], torsion[3 * i + 2]}; }
 };
@@ -408,6 +411,12 @@ inline cairn_joints joint_table(const std::vector<Joint>& joints) {
     t.motor_speed = member_view(joints, j.motor_speed.data());
     t.motor_force = member_view(joints, j.motor_force.data());
     t.key = member_view(joints, &j.key);
+    t.rotation = member_view(joints, &j.rotation);
+    t.target = member_view(joints, j.target.data());
+    t.stiffness = member_view(joints, j.stiffness.data());
+    t.damping = member_view(joints, j.damping.data());
+    t.rate = member_view(joints, j.rate.data());
+    t.max_force = member_view(joints, &j.max_force);
     return t;
 }
 
@@ -456,6 +465,8 @@ inline cairn_status Scene::try_step(const Solver& solver, Impulses& out) {
     out.friction.assign(3 * contacts.size(), 0);
     out.torsion.assign(3 * contacts.size(), 0);
     out.joint.assign(6 * joints.size(), 0);
+    out.joint_linear.assign(3 * joints.size(), 0);
+    out.joint_angular.assign(3 * joints.size(), 0);
     out.row.assign(rows.size(), 0);
     cairn_results results{};
     results.struct_size = sizeof results;
@@ -468,6 +479,8 @@ inline cairn_status Scene::try_step(const Solver& solver, Impulses& out) {
     results.torsion_impulse = view_of(out.torsion);
     results.joint_impulse = view_of(out.joint);
     results.row_impulse = view_of(out.row);
+    results.joint_linear = view_of(out.joint_linear);
+    results.joint_angular = view_of(out.joint_angular);
     return cairn_solver_step(solver.get(), &step, &results);
 }
 

@@ -17,6 +17,8 @@ from . import _cairn
 from .solver import METHODS, PRESETS, Error, Params, Solver, info, joint_axes, preset
 from .tables import (
     AT_END_POSE,
+    BY_AXES,
+    CONE,
     DRIVEN,
     FREE,
     LIMITED,
@@ -24,6 +26,9 @@ from .tables import (
     NO_GYROSCOPIC,
     ROUND_A,
     ROUND_B,
+    SERVO,
+    SPRING,
+    VECTOR,
     WORLD,
     Bodies,
     Contacts,
@@ -35,7 +40,7 @@ from .tables import (
 __version__ = _cairn.version
 
 __all__ = [
-    "AT_END_POSE", "DRIVEN", "FREE", "LIMITED", "LOCKED", "METHODS", "NO_GYROSCOPIC", "PRESETS", "ROUND_A", "ROUND_B",
-    "WORLD", "Bodies", "Contacts", "Error", "Joints", "Params", "Results", "Rows", "Solver", "info", "joint_axes",
-    "preset",
+    "AT_END_POSE", "BY_AXES", "CONE", "DRIVEN", "FREE", "LIMITED", "LOCKED", "METHODS", "NO_GYROSCOPIC", "PRESETS",
+    "ROUND_A", "ROUND_B", "SERVO", "SPRING", "VECTOR", "WORLD", "Bodies", "Contacts", "Error", "Joints", "Params",
+    "Results", "Rows", "Solver", "info", "joint_axes", "preset",
 ]  # fmt: skip

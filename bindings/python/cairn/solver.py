@@ -255,6 +255,8 @@ class Solver:
             "torsion_impulse": ("contacts", (3,)),
             "joint_impulse": ("joints", (6,)),
             "row_impulse": ("rows", ()),
+            "joint_linear": ("joints", (3,)),
+            "joint_angular": ("joints", (3,)),
         }
         for name, (table, shape) in shapes.items():
             body_a = tables[table].get("body_a", ())

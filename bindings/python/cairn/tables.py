@@ -21,7 +21,8 @@ Column = Any  # NumPy's, or an object in CUDA memory, for which there is no type
 WORLD = -1  # as a body index: the immovable world, its frame at the origin
 NO_GYROSCOPIC, AT_END_POSE = 1, 2  # Bodies.flags
 ROUND_A, ROUND_B = 1, 2  # Contacts.flags
-FREE, LOCKED, LIMITED, DRIVEN = 0, 1, 2, 4  # Joints.axes: combinations of these
+FREE, LOCKED, LIMITED, DRIVEN, SPRING, SERVO = 0, 1, 2, 4, 8, 16  # Joints.axes: combinations of these; SERVO with DRIVEN
+BY_AXES, VECTOR, CONE = 0, 1, 2  # Joints.rotation
 
 
 @dataclass
@@ -75,14 +76,20 @@ class Joints:
     body_b: Column  # [n]
     anchor_a: Column  # [n, 3] m, origin of the joint's frame in a's axes, from a's centre of mass
     anchor_b: Column  # [n, 3] m
-    axes: Column  # [n, 6] FREE, LOCKED, LIMITED, DRIVEN of tx ty tz rx ry rz
+    axes: Column  # [n, 6] FREE, LOCKED, LIMITED, DRIVEN, SPRING, SERVO of tx ty tz rx ry rz
     frame_a: Column | None = None  # [n, 4] quaternion: the joint's axes in a's axes; identity
     frame_b: Column | None = None  # [n, 4]
     lower: Column | None = None  # [n, 6] m or rad, of limited axes
     upper: Column | None = None  # [n, 6] >= lower
-    motor_speed: Column | None = None  # [n, 6] m/s or rad/s, of driven axes
+    motor_speed: Column | None = None  # [n, 6] m/s or rad/s, of driven axes; of servos the most, >= 0
     motor_force: Column | None = None  # [n, 6] N or N m, >= 0; infinity allowed
     key: Column | None = None  # [n] as for contacts
+    rotation: Column | None = None  # [n] BY_AXES, VECTOR, CONE: what rx ry rz measure (cairn.h); BY_AXES
+    target: Column | None = None  # [n, 6] m or rad, of springs and servos; 0
+    stiffness: Column | None = None  # [n, 6] N/m or N m/rad, of springs; of servos: bounds their force by the error; infinity
+    damping: Column | None = None  # [n, 6] N s/m or N m s/rad, of springs; 0
+    rate: Column | None = None  # [n, 6] 1/s, of servos: speed over error; infinity
+    max_force: Column | None = None  # [n] N or N m: bounds each axis's force; infinity
 
 
 @dataclass
@@ -116,6 +123,8 @@ class Results:
     joint_impulse: Column  # [joints, 6] N s and N m s, on body b, in the joint's axes
     row_impulse: Column  # [rows]
     torsion_impulse: Column  # [contacts, 3] N m s, world axes, on body b: of rolling and spinning friction
+    joint_linear: Column  # [joints, 3] N s, on body b at its anchor, world axes
+    joint_angular: Column  # [joints, 3] N m s, likewise
 
 
 # A table as given: one of the classes above, a dict of columns, or a structured array.

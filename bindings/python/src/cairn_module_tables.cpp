@@ -64,6 +64,12 @@ constexpr Field<cairn_joints> kJoints[] = {
     {"motor_speed", &cairn_joints::motor_speed, 6, Kind::real},
     {"motor_force", &cairn_joints::motor_force, 6, Kind::real},
     {"key", &cairn_joints::key, 1, Kind::key},
+    {"rotation", &cairn_joints::rotation, 1, Kind::index},
+    {"target", &cairn_joints::target, 6, Kind::real},
+    {"stiffness", &cairn_joints::stiffness, 6, Kind::real},
+    {"damping", &cairn_joints::damping, 6, Kind::real},
+    {"rate", &cairn_joints::rate, 6, Kind::real},
+    {"max_force", &cairn_joints::max_force, 1, Kind::real},
 };
 constexpr Field<cairn_rows> kRows[] = {
     {"body_a", &cairn_rows::body_a, 1, Kind::index},
@@ -90,7 +96,9 @@ constexpr Field<cairn_results> kContactResults[] = {
     {"friction_impulse", &cairn_results::friction_impulse, 3, Kind::real},
     {"torsion_impulse", &cairn_results::torsion_impulse, 3, Kind::real},
 };
-constexpr Field<cairn_results> kJointResults[] = {{"joint_impulse", &cairn_results::joint_impulse, 6, Kind::real}};
+constexpr Field<cairn_results> kJointResults[] = {{"joint_impulse", &cairn_results::joint_impulse, 6, Kind::real},
+                                                  {"joint_linear", &cairn_results::joint_linear, 3, Kind::real},
+                                                  {"joint_angular", &cairn_results::joint_angular, 3, Kind::real}};
 constexpr Field<cairn_results> kRowResults[] = {{"row_impulse", &cairn_results::row_impulse, 1, Kind::real}};
 
 std::string text_of(const py::handle& object) { return py::str(object).cast<std::string>(); }

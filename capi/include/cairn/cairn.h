@@ -147,23 +147,33 @@ typedef struct cairn_contacts {
     cairn_view damping;           /* [1] N s/m, >= 0, of the same; without stiffness a damper alone; optional: 0 */
 } cairn_contacts;
 
-/* A joint has six axes, x y z of translation and x y z of rotation, in its frame; each is a combination of these.
+/* A joint has six axes, x y z of translation and x y z of rotation, in its frame; each is a combination of these: one of
+ * locked, limited or neither, and one of motor, servo, spring or neither (a locked axis has none).
  * Ball, hinge, slider and fixed joints (paper eq. 10-17) are presets: cairn_joint_axes(). */
 #define CAIRN_AXIS_FREE 0u
 #define CAIRN_AXIS_LOCKED 1u
 #define CAIRN_AXIS_LIMITED 2u /* lower <= coordinate <= upper */
 #define CAIRN_AXIS_DRIVEN 4u  /* a motor: speed is driven to motor_speed with at most motor_force */
+#define CAIRN_AXIS_SPRING 8u  /* force stiffness * (target - coordinate) - damping * speed, implicit in the substep: any is stable */
+#define CAIRN_AXIS_SERVO 16u  /* with DRIVEN: speed is driven to rate * (target - coordinate), within +-motor_speed; a rotation
+                                 turns the shorter way */
 
 #define CAIRN_JOINT_BALL 0u   /* three rotations free */
 #define CAIRN_JOINT_HINGE 1u  /* rotation about z free */
 #define CAIRN_JOINT_SLIDER 2u /* translation along x free */
 #define CAIRN_JOINT_FIXED 3u  /* none free */
 
+#define CAIRN_ROTATION_BY_AXES 0u
+#define CAIRN_ROTATION_VECTOR 1u /* the rotation vector, angle times axis, in a's frame: for servos and springs towards an orientation */
+#define CAIRN_ROTATION_CONE 2u   /* swing and twist: rx is the angle of twist about b's x; ry and rz, limited both, keep b's x in an
+                                    elliptic cone about a's x, of half-angles upper[4] about y and upper[5] about z (> 0; lower is
+                                    not read), or are both free. The cone has one row, whose impulse is that of ry */
+
 /* Coordinates: translation of b's frame origin from a's, along the axes of a's frame; rotation of b's frame relative to a's.
- * Rotation by kind of joint: all three locked: rotation vector 2 vec(q); exactly one not locked: the angle about it in
- * (-pi, pi], and the other two by the paper's dot products; otherwise Cardan angles x-y-z as in btGeneric6DofConstraint
- * (y within +-pi/2), of b relative to a: signs opposite to Bullet's. There limits and motors of x and z act along the normalised
- * axes, as Bullet's do, on cos(y) times the coordinate's rate. */
+ * Rotation by kind of joint, unless `rotation` names another: all three locked: rotation vector 2 vec(q); exactly one not
+ * locked: the angle about it in (-pi, pi], and the other two by the paper's dot products; otherwise Cardan angles x-y-z as in
+ * btGeneric6DofConstraint (y within +-pi/2), of b relative to a: signs opposite to Bullet's. There limits and motors of x and
+ * z act along the normalised axes, as Bullet's do, on cos(y) times the coordinate's rate. */
 typedef struct cairn_joints {
     uint32_t struct_size;
     uint32_t count;
@@ -177,9 +187,17 @@ typedef struct cairn_joints {
     cairn_view axes;        /* [6] I32 or U32, CAIRN_AXIS_... of tx ty tz rx ry rz */
     cairn_view lower;       /* [6] m or rad, may be -infinity; only limited axes are read; optional if none is limited */
     cairn_view upper;       /* [6] >= lower, may be infinity */
-    cairn_view motor_speed; /* [6] m/s or rad/s; only driven axes are read; optional if none is driven */
+    cairn_view motor_speed; /* [6] m/s or rad/s; only driven axes are read; optional if none is driven. Servos: >= 0, infinity allowed */
     cairn_view motor_force; /* [6] N or N m, >= 0; infinity allowed */
     cairn_view key;         /* [1] U64, as for contacts; optional */
+    cairn_view rotation;    /* [1] CAIRN_ROTATION_...; optional: CAIRN_ROTATION_BY_AXES */
+    cairn_view target;      /* [6] m or rad, of springs and servos; optional: 0 */
+    cairn_view stiffness;   /* [6] N/m or N m/rad, >= 0; of springs: optional if there are none; of servos: their force is at most
+                               stiffness * |target - coordinate|, infinity allowed; optional: infinity */
+    cairn_view damping;     /* [6] N s/m or N m s/rad, >= 0, of springs; optional: 0 */
+    cairn_view rate;        /* [6] 1/s, >= 0, of servos; what is above 1/h of a substep is 1/h; optional: infinity */
+    cairn_view max_force;   /* [1] N or N m, >= 0: bounds the force of each axis, of locked ones, limits and motors each on its own,
+                               averaged over a substep; optional: infinity */
 } cairn_joints;
 
 /* Raw rows: constraints that Cairn does not know, as Jacobians of the step's start, frozen over its substeps:
@@ -229,6 +247,9 @@ typedef struct cairn_results {
     cairn_view joint_impulse;    /* [6] per joint, N s and N m s, on body b, in the joint's axes */
     cairn_view row_impulse;      /* [1] per raw row */
     cairn_view torsion_impulse;  /* [3] per contact, N m s, world axes, on body b: rolling and spinning friction */
+    cairn_view joint_linear;     /* [3] per joint, N s, world axes, on body b at its anchor, opposite on a: joint_impulse along the
+                                    last substep's axes, for every kind of rotation */
+    cairn_view joint_angular;    /* [3] per joint, N m s, likewise; the linear impulse's moments about the centres apart */
 } cairn_results;
 
 /* ---- Method and parameters -------------------------------------------------------------------------------------- */
