@@ -251,7 +251,6 @@ CAIRN_HD inline void build_joints(const Frame<Real>& f, const Group& g, std::siz
                                     : baumgarte_rate(f.joint_baumgarte, f.h));
     const JointBlock block = block_of(f, lane, rows, locked, compliance);
     const Lane most = load_as<Lane>(cold + kMostForce * kGroup) * h;
-    store(most, hot + kMost * kGroup);
 
     for (int i = 0; i < 3; ++i) {
         store3(j.linear[i], hot + (kLinear + 3 * i) * kGroup);
@@ -279,8 +278,13 @@ CAIRN_HD inline void build_joints(const Frame<Real>& f, const Group& g, std::siz
             continue;
         const Lane d = block.d[triangle(static_cast<int>(i), static_cast<int>(i))], huge = Lane(Real(1e30));
         store(inverse_or_zero(d + gamma) * limited[i], hot + (kInverseD + i) * kGroup);
-        store(select(lower, zero, -most), hot + (kLow + i) * kGroup);
-        store(select(lower, most, zero), hot + (kHigh + i) * kGroup);
+        Lane low_bound = select(lower && !(locked[i] > zero), zero, -most), high_bound = select(lower || locked[i] > zero, most, zero);
+        // what is clipped is a force, and remains it when later phases take the bias out
+        const auto clipped = !(absolute(held) < (f.phase == Phase::substep ? Lane(Real(1e30)) : most));
+        low_bound = select(clipped, held, low_bound);
+        high_bound = select(clipped, held, high_bound);
+        store(low_bound, hot + (kLow + i) * kGroup);
+        store(high_bound, hot + (kHigh + i) * kGroup);
         build_drive(f, cold, i, j.error[i], most, hot);
         const Lane stiff = load_as<Lane>(hot + (kMotorGamma + i) * kGroup);
         store(select(stiff < huge, inverse_or_zero(d + stiff), zero) * driven[i], hot + (kMotorInverse + i) * kGroup);
@@ -351,11 +355,10 @@ CAIRN_HD void sweep_joints_of(const Frame<Real>& f, const Group& g, std::size_t 
 
     // step: change from y, which the residuals follow; gain: from x, which the bodies get
     Lane restart = zero, residual = zero, gain[6];
-    const Lane most = kBounded ? load_as<Lane>(hot + kMost * kGroup) : zero;
     for (std::uint32_t i = 0; i < 6; ++i) {
         Lane next = y[i] + step[i];
         if constexpr (kBounded) {
-            const Lane clipped = clamp(next, -most, most);
+            const Lane clipped = clamp(next, load_as<Lane>(hot + (kLow + i) * kGroup), load_as<Lane>(hot + (kHigh + i) * kGroup));
             const auto beyond = (pivot[i] > zero) && !(clipped == next);
             next = select(beyond, clipped, next);
             step[i] = select(beyond, next - y[i], step[i]);

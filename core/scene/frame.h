@@ -87,13 +87,12 @@ enum JointField : std::uint32_t {
     kBlock = 57,    // D, 21: row by row, lower triangle; only where some axis is limited or driven
     kInverseD = 78, // 6: 1/(D_ii + gamma_i) of limited axes, else 0
     kLow = 84,
-    kHigh = 90, // bounds of limited axes
+    kHigh = 90, // bounds of limited and locked axes
     kMotorInverse = 96,
     kMotorSpeed = 102,
     kMotorBound = 108,
     kMotorGamma = 114,  // of springs, else 0
-    kMost = 120,        // bound of every impulse
-    kJointLambda = 121, // two buffers of twelve: axes, motors and springs
+    kJointLambda = 120, // two buffers of twelve: axes, motors and springs
     kJointFields = kJointLambda + 24,
 };
 enum JointColdField : std::uint32_t {

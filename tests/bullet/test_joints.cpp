@@ -373,6 +373,9 @@ TEST(Joints, APickIsAsStrongAsItsClamp) {
     const btVector3 before = body.getLinearVelocity();
     w.step();
     EXPECT_NEAR(body.getLinearVelocity().x() - before.x(), 0.05, 1e-4);
+    EXPECT_LT(body.getAngularVelocity().length(), 1e-4) << "held at its centre, it is not turned, however far the pull comes from";
+    w.step(3);
+    EXPECT_NEAR(body.getLinearVelocity().x() - before.x(), 0.2, 4e-4) << "a clipped impulse is a force";
 }
 
 // btGearConstraint is known to nobody: it comes as the row of its getInfo2().

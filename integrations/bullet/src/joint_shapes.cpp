@@ -2,6 +2,7 @@
 // about the axes of A's frame. Bullet's own signs differ from type to type; each reader says how.
 #include "joints.h"
 
+#include <BulletDynamics/ConstraintSolver/btConeTwistConstraint.h>
 #include <BulletDynamics/ConstraintSolver/btContactSolverInfo.h>
 #include <BulletDynamics/ConstraintSolver/btGeneric6DofConstraint.h>
 #include <BulletDynamics/ConstraintSolver/btGeneric6DofSpring2Constraint.h>
@@ -9,6 +10,7 @@
 #include <BulletDynamics/ConstraintSolver/btHingeConstraint.h>
 #include <BulletDynamics/ConstraintSolver/btPoint2PointConstraint.h>
 #include <BulletDynamics/ConstraintSolver/btSliderConstraint.h>
+#include <BulletDynamics/Dynamics/btRigidBody.h>
 
 namespace cairn {
 namespace bullet {
@@ -22,6 +24,22 @@ void drive(JointShape& shape, int axis, btScalar speed, btScalar force) {
     shape.axes[axis] |= CAIRN_AXIS_DRIVEN;
     shape.motorSpeed[axis] = speed;
     shape.motorForce[axis] = force;
+}
+
+// To target at rate times what is missing, no faster than speed.
+void serve(JointShape& shape, int axis, btScalar target, btScalar rate, btScalar speed, btScalar force, btScalar stiffness) {
+    drive(shape, axis, btFabs(speed), force);
+    shape.axes[axis] |= CAIRN_AXIS_SERVO;
+    shape.motorTarget[axis] = target;
+    shape.motorRate[axis] = rate;
+    shape.motorStiffness[axis] = stiffness;
+}
+
+void spring(JointShape& shape, int axis, btScalar rest, btScalar stiffness, btScalar damping) {
+    shape.spring[axis] = true;
+    shape.springRest[axis] = rest;
+    shape.springStiffness[axis] = btMax(stiffness, btScalar(0));
+    shape.springDamping[axis] = btMax(damping, btScalar(0));
 }
 
 // Bullet's convention: lower > upper is free, equal is locked at that value. `sign` -1 turns the axis round.
@@ -44,16 +62,53 @@ bool held(const JointShape& shape, int axis) {
     return locked(shape, axis) || ((shape.axes[axis] & CAIRN_AXIS_LIMITED) && !(shape.lower[axis] < shape.upper[axis]));
 }
 
-void readPoint(btPoint2PointConstraint& joint, JointShape& shape) {
-    if (joint.m_setting.m_impulseClamp > btScalar(0)) { // a pick: its rows are bounded
-        shape.allRows = true;
+// 1 / effective mass of an axis of a's frame, at b's pivot.
+btScalar inverseMass(const btTypedConstraint& joint, const JointShape& shape, int axis) {
+    const btRigidBody& a = shape.swapped ? joint.getRigidBodyB() : joint.getRigidBodyA();
+    const btRigidBody& b = shape.swapped ? joint.getRigidBodyA() : joint.getRigidBodyB();
+    const btVector3 d = (a.getWorldTransform().getBasis() * shape.frameA.getBasis()).getColumn(axis % 3);
+    const auto ofBody = [&](const btRigidBody& body) {
+        const btVector3 arm = b.getWorldTransform() * shape.frameB.getOrigin() - body.getWorldTransform().getOrigin();
+        const btVector3 turn = axis < kRx ? arm.cross(d) : d;
+        return (axis < kRx ? body.getInvMass() : btScalar(0)) + turn.dot(body.getInvInertiaTensorWorld() * turn);
+    };
+    return ofBody(a) + ofBody(b);
+}
+
+// A locked axis with a cfm of its own. Stock's row, J v + cfm K lambda = -erp C / dt, is the implicit spring and damper
+// k = erp / (dt^2 cfm K), c = (1 - erp) / (dt cfm K), K = J M^-1 J^T.
+void soften(const btTypedConstraint& joint, JointShape& shape, int axis, btScalar erp, btScalar cfm, btScalar dt) {
+    if (!(cfm > btScalar(0)) || !held(shape, axis))
         return;
-    }
+    const btScalar compliance = cfm * inverseMass(joint, shape, axis) * dt;
+    if (!(compliance > btScalar(0)))
+        return;
+    erp = btMin(btMax(erp, btScalar(0)), btScalar(1));
+    const btScalar rest = locked(shape, axis) ? btScalar(0) : shape.lower[axis];
+    shape.axes[axis] = CAIRN_AXIS_FREE;
+    spring(shape, axis, rest, erp / (dt * compliance), (btScalar(1) - erp) / compliance);
+}
+
+// Bounded rows are along the world's axes. A pick may pull from far: its force is to act where the body is held, which is where
+// Cairn's b is.
+void readPoint(btPoint2PointConstraint& joint, const btContactSolverInfo& info, JointShape& shape) {
     shape.native = true;
-    shape.frameA.setOrigin(joint.getPivotInA());
-    shape.frameB.setOrigin(joint.getPivotInB());
-    for (int axis = kTx; axis < kRx; ++axis)
+    const bool pick = joint.m_setting.m_impulseClamp > btScalar(0);
+    if (pick)
+        shape.maxForce = btMin(shape.maxForce, joint.m_setting.m_impulseClamp / info.m_timeStep);
+    shape.swapped = pick && joint.getRigidBodyB().isStaticOrKinematicObject();
+    shape.frameA.setOrigin(shape.swapped ? joint.getPivotInB() : joint.getPivotInA());
+    shape.frameB.setOrigin(shape.swapped ? joint.getPivotInA() : joint.getPivotInB());
+    if (shape.maxForce < kInfinity) {
+        const btRigidBody& a = shape.swapped ? joint.getRigidBodyB() : joint.getRigidBodyA();
+        shape.frameA.setBasis(a.getWorldTransform().getBasis().transpose());
+    }
+    for (int axis = kTx; axis < kRx; ++axis) {
         lock(shape, axis);
+        if (joint.getFlags() & BT_P2P_FLAGS_CFM)
+            soften(joint, shape, axis, joint.getFlags() & BT_P2P_FLAGS_ERP ? joint.getParam(BT_CONSTRAINT_ERP) : info.m_erp,
+                   joint.getParam(BT_CONSTRAINT_CFM), info.m_timeStep);
+    }
 }
 
 // Would Bullet's limit push a hinge that stands at this angle (ours)?
@@ -123,6 +178,48 @@ void readSlider(btSliderConstraint& joint, JointShape& shape) {
     shape.reportedSign = btScalar(-1);
 }
 
+// Coordinates, as Bullet splits them, are of A's frame in B's: A's x axis swings in an ellipse about B's, after which A twists
+// about it. So Bullet's B is Cairn's a. A span below the threshold holds its axis: a universal joint or a hinge in A's frame.
+void readConeTwist(btConeTwistConstraint& joint, btScalar dt, JointShape& shape) {
+    shape.native = true;
+    const bool holdsY = joint.getSwingSpan2() < joint.getFixThresh(), holdsZ = joint.getSwingSpan1() < joint.getFixThresh();
+    shape.swapped = joint.isMotorEnabled() || !(holdsY || holdsZ);
+    shape.frameA = shape.swapped ? joint.getBFrame() : joint.getAFrame();
+    shape.frameB = shape.swapped ? joint.getAFrame() : joint.getBFrame();
+    if (!joint.getAngularOnly())
+        for (int axis = kTx; axis < kRx; ++axis)
+            lock(shape, axis);
+    if (joint.isMotorEnabled()) { // towards an orientation of A in B, without limits
+        shape.rotation = CAIRN_ROTATION_VECTOR;
+        shape.frameA.setBasis(shape.frameA.getBasis() * btMatrix3x3(joint.getMotorTarget()));
+        const btScalar impulse = joint.getMaxMotorImpulse();
+        for (int axis = kRx; axis <= kRz; ++axis)
+            serve(shape, axis, 0, joint.getBiasFactor() / dt, kInfinity, impulse < btScalar(0) ? kInfinity : impulse / dt, kInfinity);
+        return;
+    }
+    const btScalar soft = joint.getLimitSoftness(); // limits act from this share of theirs on
+    const btScalar twist = joint.getTwistSpan() * soft, y = joint.getSwingSpan2() * soft, z = joint.getSwingSpan1() * soft;
+    if (twist < SIMD_PI)
+        limit(shape, kRx, -twist, twist, btScalar(1));
+    if (!holdsY && !holdsZ) {
+        shape.rotation = CAIRN_ROTATION_CONE;
+        if (y < SIMD_PI || z < SIMD_PI) {
+            shape.axes[kRx + 1] = shape.axes[kRz] = CAIRN_AXIS_LIMITED;
+            shape.upper[kRx + 1] = y;
+            shape.upper[kRz] = z;
+        }
+        return;
+    }
+    if (holdsY)
+        lock(shape, kRx + 1);
+    else if (y < SIMD_PI)
+        limit(shape, kRx + 1, -y, y, btScalar(1));
+    if (holdsZ)
+        lock(shape, kRz);
+    else if (z < SIMD_PI)
+        limit(shape, kRz, -z, z, btScalar(1));
+}
+
 // Both 6-dof types: linear coordinates as ours, linear motors turned round, angles (and their motors) turned round.
 void readLinear(JointShape& shape, int axis, btScalar lower, btScalar upper, bool motor, btScalar speed, btScalar force) {
     limit(shape, axis, lower, upper, btScalar(1));
@@ -136,91 +233,116 @@ void readAngular(JointShape& shape, int axis, btScalar lower, btScalar upper, bo
         drive(shape, kRx + axis, -speed, force);
 }
 
-void readSixDof(btGeneric6DofConstraint& joint, JointShape& shape) {
+// The springs of btGeneric6DofSpringConstraint are motors: force at most stiffness times error, speed at most damping / (dt
+// iterations) times that force. Both of the whole step, as stock has them, whatever Cairn's substeps.
+void readSixDof(btGeneric6DofConstraint& joint, const btContactSolverInfo& info, JointShape& shape) {
     btGeneric6DofSpringConstraint* springs =
         joint.getConstraintType() == D6_SPRING_CONSTRAINT_TYPE ? static_cast<btGeneric6DofSpringConstraint*>(&joint) : nullptr;
     shape.native = true;
     shape.frameA = joint.getFrameOffsetA();
     shape.frameB = joint.getFrameOffsetB();
+    const btScalar dt = info.m_timeStep, perForce = btScalar(1) / (dt * static_cast<btScalar>(btMax(info.m_numIterations, 1)));
+    const auto sprung = [&](int axis) { return springs && springs->isSpringEnabled(axis); };
+    const auto addSpring = [&](int axis, btScalar sign) {
+        const btScalar stiffness = btFabs(springs->getStiffness(axis));
+        if (!held(shape, axis))
+            serve(shape, axis, sign * springs->getEquilibriumPoint(axis), perForce * springs->getDamping(axis) * stiffness, kInfinity,
+                  kInfinity, stiffness);
+    };
+    // bits of an axis in getFlags(): own cfm and erp of its limit
+    const auto own = [&](int axis, int bit) { return (joint.getFlags() & (bit << (axis * BT_6DOF_FLAGS_AXIS_SHIFT))) != 0; };
+    const auto addSoftness = [&](int axis, btScalar erp, btScalar cfm) {
+        if (own(axis, BT_6DOF_FLAGS_CFM_STOP))
+            soften(joint, shape, axis, own(axis, BT_6DOF_FLAGS_ERP_STOP) ? erp : info.m_erp, cfm, dt);
+    };
     btTranslationalLimitMotor& linear = *joint.getTranslationalLimitMotor();
-    int row = 0;
-    bool hasRow[6], spring[6];
-    for (int i = 0; i < 6; ++i)
-        spring[i] = springs && springs->isSpringEnabled(i);
     for (int i = 0; i < 3; ++i) {
-        readLinear(shape, i, linear.m_lowerLimit[i], linear.m_upperLimit[i], linear.m_enableMotor[i] && !spring[i],
+        readLinear(shape, i, linear.m_lowerLimit[i], linear.m_upperLimit[i], linear.m_enableMotor[i] && !sprung(i),
                    linear.m_targetVelocity[i], linear.m_maxMotorForce[i]);
-        hasRow[i] = linear.needApplyForce(i);
-        spring[i] = spring[i] && linear.m_currentLimit[i] == 0; // at a limit the row is the limit's
-    }
-    for (int i = 0; i < 3; ++i) {
+        if (sprung(i))
+            addSpring(i, btScalar(1));
+        addSoftness(i, linear.m_stopERP[i], linear.m_stopCFM[i]);
         btRotationalLimitMotor& angular = *joint.getRotationalLimitMotor(i);
-        readAngular(shape, i, angular.m_loLimit, angular.m_hiLimit, angular.m_enableMotor && !spring[kRx + i], angular.m_targetVelocity,
+        readAngular(shape, i, angular.m_loLimit, angular.m_hiLimit, angular.m_enableMotor && !sprung(kRx + i), angular.m_targetVelocity,
                     angular.m_maxMotorForce);
-        hasRow[kRx + i] = angular.needApplyTorques();
-        spring[kRx + i] = spring[kRx + i] && angular.m_currentLimit == 0;
-    }
-    // getInfo2 gives one row an axis that needs one, angular axes first if frame offsets are in use.
-    for (int k = 0; k < 6; ++k) {
-        const int axis = joint.getUseFrameOffset() ? (k + kRx) % 6 : k;
-        if (!hasRow[axis])
-            continue;
-        if (spring[axis])
-            shape.rowMask |= 1u << row;
-        ++row;
+        if (sprung(kRx + i))
+            addSpring(kRx + i, btScalar(-1));
+        addSoftness(kRx + i, angular.m_stopERP, angular.m_stopCFM);
     }
 }
 
-void readSixDof2(btGeneric6DofSpring2Constraint& joint, JointShape& shape) {
+// Cairn's Cardan angles are about x, y and z in this order; another order is that of a frame whose axes are these. Its z is turned
+// round where the frame would be left-handed: so are the coordinates of that axis.
+void reorder(JointShape& shape, const int (&order)[3]) {
+    const bool mirrored = order[1] != (order[0] + 1) % 3;
+    const JointShape old = shape;
+    btMatrix3x3 axes;
+    for (int row = 0; row < 3; ++row)
+        axes[row].setValue(row == order[0] ? 1 : 0, row == order[1] ? 1 : 0, row == order[2] ? (mirrored ? -1 : 1) : 0);
+    shape.frameA.setBasis(old.frameA.getBasis() * axes);
+    shape.frameB.setBasis(old.frameB.getBasis() * axes);
+    for (int axis = 0; axis < 6; ++axis) {
+        const int from = axis < kRx ? order[axis] : kRx + order[axis - kRx];
+        const bool turned = mirrored && axis % 3 == 2;
+        const btScalar sign = turned ? btScalar(-1) : btScalar(1);
+        shape.axes[axis] = old.axes[from];
+        shape.lower[axis] = turned ? -old.upper[from] : old.lower[from];
+        shape.upper[axis] = turned ? -old.lower[from] : old.upper[from];
+        shape.motorSpeed[axis] = old.axes[from] & CAIRN_AXIS_SERVO ? old.motorSpeed[from] : sign * old.motorSpeed[from];
+        shape.motorForce[axis] = old.motorForce[from];
+        shape.motorTarget[axis] = sign * old.motorTarget[from];
+        shape.motorStiffness[axis] = old.motorStiffness[from];
+        shape.motorRate[axis] = old.motorRate[from];
+        shape.spring[axis] = old.spring[from];
+        shape.springStiffness[axis] = old.springStiffness[from];
+        shape.springDamping[axis] = old.springDamping[from];
+        shape.springRest[axis] = sign * old.springRest[from];
+    }
+}
+
+void readSixDof2(btGeneric6DofSpring2Constraint& joint, btScalar dt, JointShape& shape) {
     btTranslationalLimitMotor2& linear = *joint.getTranslationalLimitMotor();
+    shape.native = true;
     shape.frameA = joint.getFrameOffsetA();
     shape.frameB = joint.getFrameOffsetB();
-    int unlocked = 0;
     for (int i = 0; i < 3; ++i) {
         readLinear(shape, i, linear.m_lowerLimit[i], linear.m_upperLimit[i], linear.m_enableMotor[i] && !linear.m_servoMotor[i],
                    linear.m_targetVelocity[i], linear.m_maxMotorForce[i]);
+        if (linear.m_enableMotor[i] && linear.m_servoMotor[i] && !held(shape, i))
+            serve(shape, i, linear.m_servoTarget[i], linear.m_motorERP[i] / dt, linear.m_targetVelocity[i], linear.m_maxMotorForce[i],
+                  kInfinity);
+        if (linear.m_enableSpring[i] && !held(shape, i))
+            spring(shape, i, linear.m_equilibriumPoint[i], linear.m_springStiffness[i], linear.m_springDamping[i]);
+        soften(joint, shape, i, linear.m_stopERP[i], linear.m_stopCFM[i], dt);
+
         const btRotationalLimitMotor2& angular = *joint.getRotationalLimitMotor(i);
+        const int axis = kRx + i;
         readAngular(shape, i, angular.m_loLimit, angular.m_hiLimit, angular.m_enableMotor && !angular.m_servoMotor,
                     angular.m_targetVelocity, angular.m_maxMotorForce);
-        if (!locked(shape, kRx + i))
-            ++unlocked;
+        if (angular.m_enableMotor && angular.m_servoMotor && !held(shape, axis))
+            serve(shape, axis, -angular.m_servoTarget, angular.m_motorERP / dt, angular.m_targetVelocity, angular.m_maxMotorForce,
+                  kInfinity);
+        if (angular.m_enableSpring && !held(shape, axis))
+            spring(shape, axis, -angular.m_equilibriumPoint, angular.m_springStiffness, angular.m_springDamping);
+        soften(joint, shape, axis, angular.m_stopERP, angular.m_stopCFM, dt);
     }
-    if (joint.getRotationOrder() != RO_XYZ && unlocked > 1) { // Cairn's Cardan angles are in that order
-        shape = JointShape();
-        shape.allRows = true;
-        return;
-    }
-    shape.native = true;
-    // getInfo2: angular axes first, in the order of rotation; of each axis its limits (two rows), motor, spring.
-    static const int order[6][3] = {{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
-    int row = 0;
-    const auto count = [&row, &shape](int currentLimit, bool motor, bool servo, bool spring) {
-        row += currentLimit == 4 ? 2 : (currentLimit != 0 ? 1 : 0);
-        if (motor) {
-            if (servo)
-                shape.rowMask |= 1u << row;
-            ++row;
-        }
-        if (spring) {
-            shape.rowMask |= 1u << row;
-            ++row;
-        }
-    };
-    for (int i = 0; i < 3; ++i) {
-        const btRotationalLimitMotor2& angular = *joint.getRotationalLimitMotor(order[joint.getRotationOrder()][i]);
-        count(angular.m_currentLimit, angular.m_enableMotor, angular.m_servoMotor, angular.m_enableSpring);
-    }
-    for (int i = 0; i < 3; ++i)
-        count(linear.m_currentLimit[i], linear.m_enableMotor[i], linear.m_servoMotor[i], linear.m_enableSpring[i]);
+    int unlocked = 0;
+    for (int axis = kRx; axis <= kRz; ++axis)
+        unlocked += locked(shape, axis) ? 0 : 1;
+    static const int orders[6][3] = {{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
+    if (joint.getRotationOrder() != RO_XYZ && unlocked > 1)
+        reorder(shape, orders[joint.getRotationOrder()]);
 }
 
 } // namespace
 
 JointShape readConstraint(btTypedConstraint& constraint, const btContactSolverInfo& info) {
     JointShape shape;
+    if (constraint.getBreakingImpulseThreshold() < SIMD_INFINITY)
+        shape.maxForce = btMax(constraint.getBreakingImpulseThreshold(), btScalar(0)) / info.m_timeStep;
     switch (constraint.getConstraintType()) {
     case POINT2POINT_CONSTRAINT_TYPE:
-        readPoint(static_cast<btPoint2PointConstraint&>(constraint), shape);
+        readPoint(static_cast<btPoint2PointConstraint&>(constraint), info, shape);
         break;
     case HINGE_CONSTRAINT_TYPE:
         readHinge(static_cast<btHingeConstraint&>(constraint), info.m_timeStep, shape);
@@ -230,13 +352,15 @@ JointShape readConstraint(btTypedConstraint& constraint, const btContactSolverIn
         break;
     case D6_CONSTRAINT_TYPE:
     case D6_SPRING_CONSTRAINT_TYPE:
-        readSixDof(static_cast<btGeneric6DofConstraint&>(constraint), shape);
+        readSixDof(static_cast<btGeneric6DofConstraint&>(constraint), info, shape);
         break;
     case D6_SPRING_2_CONSTRAINT_TYPE: // btFixedConstraint and btHinge2Constraint too
-        readSixDof2(static_cast<btGeneric6DofSpring2Constraint&>(constraint), shape);
+        readSixDof2(static_cast<btGeneric6DofSpring2Constraint&>(constraint), info.m_timeStep, shape);
         break;
-    default:
-        shape.allRows = true;
+    case CONETWIST_CONSTRAINT_TYPE:
+        readConeTwist(static_cast<btConeTwistConstraint&>(constraint), info.m_timeStep, shape);
+        break;
+    default: // a gear, a btContactConstraint, the user's own
         break;
     }
     return shape;

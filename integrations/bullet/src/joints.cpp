@@ -4,13 +4,9 @@
 #include <BulletDynamics/ConstraintSolver/btTypedConstraint.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
-#include <limits>
-
 namespace cairn {
 namespace bullet {
 namespace {
-
-const btScalar kInfinity = std::numeric_limits<btScalar>::infinity();
 
 // Bullet writes "no bound" as its largest number.
 btScalar bound(btScalar value) {
@@ -50,44 +46,71 @@ void Constraints::gather(btTypedConstraint& constraint, const btContactSolverInf
     if (!constraint.isEnabled())
         return;
     // Also for native joints: it renews the angles and positions that the constraint's users read.
-    btTypedConstraint::btConstraintInfo1 size;
+    btTypedConstraint::btConstraintInfo1 size = {0, 0}; // btContactConstraint leaves it
     constraint.getInfo1(&size);
 
     const int bodyA = m_bodies.indexOf(constraint.getRigidBodyA());
     const int bodyB = m_bodies.indexOf(constraint.getRigidBodyB());
     if (bodyA == bodyB || (!m_bodies.canMove(bodyA) && !m_bodies.canMove(bodyB)))
         return;
+    if (constraint.getOverrideNumSolverIterations() > 0)
+        m_wantedIterations = btMax(m_wantedIterations, static_cast<uint32_t>(constraint.getOverrideNumSolverIterations()));
     const JointShape shape = readConstraint(constraint, info);
     const uint64_t key = keyOf(constraint);
-    ConstraintSlot slot = {&constraint, -1, shape.reportedAxis, shape.reportedSign, m_tables.rows.size(), 0};
+    ConstraintSlot slot = {&constraint,        m_tables.joints.size(), 0, shape.swapped, shape.reportedAxis,
+                           shape.reportedSign, m_tables.rows.size(),   0};
     if (shape.native) {
-        slot.joint = static_cast<int>(m_tables.joints.size());
-        m_tables.joints.emplace_back();
-        JointRecord& record = m_tables.joints.back();
-        record.key = key;
-        record.bodyA = bodyA;
-        record.bodyB = bodyB;
-        store(record.anchorA, shape.frameA.getOrigin());
-        store(record.anchorB, shape.frameB.getOrigin());
-        store(record.frameA, rotation(shape.frameA));
-        store(record.frameB, rotation(shape.frameB));
-        for (int axis = 0; axis < 6; ++axis) {
-            record.axes[axis] = shape.axes[axis];
-            record.lower[axis] = bound(shape.lower[axis]);
-            record.upper[axis] = bound(shape.upper[axis]);
-            record.motorSpeed[axis] = shape.motorSpeed[axis];
-            record.motorForce[axis] = bound(btFabs(shape.motorForce[axis]));
-        }
+        bool beside = false;
+        for (int axis = 0; axis < 6; ++axis)
+            beside = beside || (shape.spring[axis] && (shape.axes[axis] & CAIRN_AXIS_DRIVEN));
+        addJoint(shape, false, bodyA, bodyB, key);
+        if (beside)
+            addJoint(shape, true, bodyA, bodyB, key | 1);
+    } else if (size.m_numConstraintRows > 0) {
+        gatherRows(constraint, size.m_numConstraintRows, bodyA, bodyB, key, info);
     }
-    const uint32_t mask = shape.allRows ? ~0u : shape.rowMask;
-    if (mask && size.m_numConstraintRows > 0)
-        gatherRows(constraint, size.m_numConstraintRows, mask, bodyA, bodyB, key, info);
+    slot.jointCount = m_tables.joints.size() - slot.firstJoint;
     slot.rowCount = m_tables.rows.size() - slot.firstRow;
     m_tables.constraints.push_back(slot);
 }
 
+void Constraints::addJoint(const JointShape& shape, bool beside, int bodyA, int bodyB, uint64_t key) {
+    m_tables.joints.emplace_back();
+    JointRecord& record = m_tables.joints.back();
+    record.key = key;
+    record.bodyA = shape.swapped ? bodyB : bodyA;
+    record.bodyB = shape.swapped ? bodyA : bodyB;
+    store(record.anchorA, shape.frameA.getOrigin());
+    store(record.anchorB, shape.frameB.getOrigin());
+    store(record.frameA, rotation(shape.frameA));
+    store(record.frameB, rotation(shape.frameB));
+    record.rotation = shape.rotation;
+    record.maxForce = shape.maxForce;
+    m_tables.drives = m_tables.drives || shape.rotation != CAIRN_ROTATION_BY_AXES;
+    m_tables.bounded = m_tables.bounded || shape.maxForce < kInfinity;
+    for (int axis = 0; axis < 6; ++axis) {
+        const bool driven = (shape.axes[axis] & CAIRN_AXIS_DRIVEN) != 0;
+        record.axes[axis] = beside ? CAIRN_AXIS_FREE : shape.axes[axis];
+        record.lower[axis] = bound(shape.lower[axis]);
+        record.upper[axis] = bound(shape.upper[axis]);
+        record.motorSpeed[axis] = shape.axes[axis] & CAIRN_AXIS_SERVO ? bound(shape.motorSpeed[axis]) : shape.motorSpeed[axis];
+        record.motorForce[axis] = bound(btFabs(shape.motorForce[axis]));
+        record.target[axis] = shape.motorTarget[axis];
+        record.stiffness[axis] = shape.motorStiffness[axis];
+        record.rate[axis] = shape.motorRate[axis];
+        record.damping[axis] = 0;
+        if (shape.spring[axis] && driven == beside) {
+            record.axes[axis] |= CAIRN_AXIS_SPRING;
+            record.target[axis] = shape.springRest[axis];
+            record.stiffness[axis] = shape.springStiffness[axis];
+            record.damping[axis] = shape.springDamping[axis];
+        }
+        m_tables.drives = m_tables.drives || (record.axes[axis] & (CAIRN_AXIS_SPRING | CAIRN_AXIS_SERVO)) != 0;
+    }
+}
+
 // Rows as btSequentialImpulseConstraintSolver::convertJoint asks for them.
-void Constraints::gatherRows(btTypedConstraint& constraint, int count, uint32_t mask, int bodyA, int bodyB, uint64_t key,
+void Constraints::gatherRows(btTypedConstraint& constraint, int count, int bodyA, int bodyB, uint64_t key,
                              const btContactSolverInfo& info) {
     m_scratch.resizeNoInitialize(count);
     for (int i = 0; i < count; ++i) {
@@ -122,12 +145,9 @@ void Constraints::gatherRows(btTypedConstraint& constraint, int count, uint32_t 
     const btRigidBody& rbA = constraint.getRigidBodyA();
     const btRigidBody& rbB = constraint.getRigidBodyB();
     const btScalar breaking = constraint.getBreakingImpulseThreshold();
-    int inBlock = 0;
     for (int i = 0; i < count; ++i) {
-        if (i < 32 ? !(mask & (1u << i)) : mask != ~0u)
-            continue;
         const btSolverConstraint& row = m_scratch[i];
-        if (inBlock++ % 6 == 0)
+        if (i % 6 == 0)
             ++m_block;
         m_tables.rows.emplace_back();
         RowRecord& record = m_tables.rows.back();
@@ -164,19 +184,17 @@ void Constraints::scatter(btScalar dt) {
         const btTransform& poseB = constraint.getRigidBodyB().getWorldTransform();
         btJointFeedback* feedback = constraint.getJointFeedback();
         btScalar applied = 0, largest = 0;
-        if (slot.joint >= 0) {
-            const JointRecord& record = m_tables.joints[static_cast<std::size_t>(slot.joint)];
-            const btVector3 linear(record.impulse[0], record.impulse[1], record.impulse[2]);
-            const btVector3 angular(record.impulse[3], record.impulse[4], record.impulse[5]);
-            applied = slot.reportedAxis >= 0 ? slot.reportedSign * record.impulse[slot.reportedAxis] : linear.length();
+        for (std::size_t i = slot.firstJoint; i < slot.firstJoint + slot.jointCount; ++i) {
+            const JointRecord& record = m_tables.joints[i];
+            const btVector3 linear = vector(record.linear);
+            if (i == slot.firstJoint)
+                applied = slot.reportedAxis >= 0 ? slot.reportedSign * record.impulse[slot.reportedAxis] : linear.length();
             for (const btScalar component : record.impulse)
                 largest = btMax(largest, btFabs(component));
             if (feedback) {
-                const btMatrix3x3 axes =
-                    poseA.getBasis() * btMatrix3x3(btQuaternion(record.frameA[0], record.frameA[1], record.frameA[2], record.frameA[3]));
-                const btVector3 force = axes * linear / dt;
-                const btVector3 torque = axes * angular / dt;
-                const btVector3 point = poseB * vector(record.anchorB); // where Cairn applies a joint's impulse
+                const btScalar sign = slot.swapped ? btScalar(-1) : btScalar(1); // of what B gets
+                const btVector3 force = linear * (sign / dt), torque = vector(record.angular) * (sign / dt);
+                const btVector3 point = (slot.swapped ? poseA : poseB) * vector(record.anchorB); // where Cairn applies it
                 feedback->m_appliedForceBodyA -= force;
                 feedback->m_appliedForceBodyB += force;
                 feedback->m_appliedTorqueBodyA -= torque + (point - poseA.getOrigin()).cross(force);
@@ -185,8 +203,7 @@ void Constraints::scatter(btScalar dt) {
         }
         for (std::size_t i = slot.firstRow; i < slot.firstRow + slot.rowCount; ++i) {
             const RowRecord& record = m_tables.rows[i];
-            if (slot.joint < 0)
-                applied = record.impulse; // of the last row, as stock's
+            applied = record.impulse; // of the last row, as stock's
             largest = btMax(largest, btFabs(record.impulse));
             if (feedback) {
                 const btScalar rate = record.impulse / dt;
@@ -199,7 +216,8 @@ void Constraints::scatter(btScalar dt) {
             }
         }
         constraint.internalSetAppliedImpulse(applied);
-        if (largest >= constraint.getBreakingImpulseThreshold())
+        // Clipped substep by substep, its sum is the threshold but for rounding.
+        if (largest >= constraint.getBreakingImpulseThreshold() * btScalar(0.9999))
             constraint.setEnabled(false);
     }
 }

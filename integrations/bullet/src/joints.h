@@ -1,11 +1,12 @@
-// Bullet's constraints: known types become native joints, which turn with the bodies in every substep; all others, and
-// springs, servos and clamped picks, go as the rows that getInfo2() gives at the step's start.
+// Bullet's constraints: known types become native joints, which turn with the bodies in every substep; all others go as the
+// rows that getInfo2() gives at the step's start.
 #pragma once
 #include "bodies.h"
 
 #include <BulletDynamics/ConstraintSolver/btSolverConstraint.h>
 #include <LinearMath/btAlignedObjectArray.h>
 
+#include <limits>
 #include <unordered_map>
 
 struct btContactSolverInfo;
@@ -13,8 +14,12 @@ struct btContactSolverInfo;
 namespace cairn {
 namespace bullet {
 
-// A joint of Cairn's without the bodies: frames, axes, limits and motors in Cairn's signs.
+constexpr btScalar kInfinity = std::numeric_limits<btScalar>::infinity();
+
+// A joint of Cairn's without the bodies: frames, axes, limits, motors and springs in Cairn's signs.
 struct JointShape {
+    bool native = false;  // else rows
+    bool swapped = false; // Cairn's a is Bullet's B
     btTransform frameA = btTransform::getIdentity();
     btTransform frameB = btTransform::getIdentity();
     uint32_t axes[6] = {0, 0, 0, 0, 0, 0};
@@ -22,22 +27,33 @@ struct JointShape {
     btScalar upper[6] = {0, 0, 0, 0, 0, 0};
     btScalar motorSpeed[6] = {0, 0, 0, 0, 0, 0};
     btScalar motorForce[6] = {0, 0, 0, 0, 0, 0};
+    btScalar motorTarget[6] = {0, 0, 0, 0, 0, 0}; // of servos, likewise the next two
+    btScalar motorStiffness[6] = {0, 0, 0, 0, 0, 0};
+    btScalar motorRate[6] = {0, 0, 0, 0, 0, 0};
+    bool spring[6] = {false, false, false, false, false, false}; // an axis may have a motor as well
+    btScalar springStiffness[6] = {0, 0, 0, 0, 0, 0};
+    btScalar springDamping[6] = {0, 0, 0, 0, 0, 0};
+    btScalar springRest[6] = {0, 0, 0, 0, 0, 0};
+    uint32_t rotation = CAIRN_ROTATION_BY_AXES;
+    btScalar maxForce = kInfinity;
     int reportedAxis = -1;
     btScalar reportedSign = btScalar(1);
-    bool native = false;  // some of it, or all, is a native joint
-    uint32_t rowMask = 0; // bit i: row i of getInfo2() goes as a raw row; set for rows that the joint cannot express
-    bool allRows = false; // no native part: every row goes
 };
 
-// Reads a constraint whose getInfo1() has just been called. Never fails: what it does not know is allRows.
+// Never fails: a constraint that it does not know is not native.
 JointShape readConstraint(btTypedConstraint& constraint, const btContactSolverInfo& info);
 
 class Constraints {
   public:
     explicit Constraints(Tables& tables, Bodies& bodies) : m_tables(tables), m_bodies(bodies) {}
 
-    void beginStep() { ++m_step; }
+    void beginStep() {
+        ++m_step;
+        m_wantedIterations = 0;
+    }
     void gather(btTypedConstraint& constraint, const btContactSolverInfo& info);
+    // The most that a constraint of this step asks for, 0: none does.
+    uint32_t wantedIterations() const { return m_wantedIterations; }
     // Applied impulses, joint feedback, breaking.
     void scatter(btScalar dt);
     // Forgets constraints that have not been seen for a while.
@@ -53,8 +69,9 @@ class Constraints {
     };
     // Eight bits are left free for the number of a row; unique among joints and rows.
     uint64_t keyOf(btTypedConstraint& constraint);
-    void gatherRows(btTypedConstraint& constraint, int count, uint32_t mask, int bodyA, int bodyB, uint64_t key,
-                    const btContactSolverInfo& info);
+    void gatherRows(btTypedConstraint& constraint, int count, int bodyA, int bodyB, uint64_t key, const btContactSolverInfo& info);
+    // A joint of the shape: its motors, and the springs of axes without one; or the springs beside motors.
+    void addJoint(const JointShape& shape, bool beside, int bodyA, int bodyB, uint64_t key);
 
     Tables& m_tables;
     Bodies& m_bodies;
@@ -63,6 +80,7 @@ class Constraints {
     uint64_t m_step = 0;
     uint64_t m_nextKey = 1;
     uint32_t m_block = 0;
+    uint32_t m_wantedIterations = 0;
 };
 
 } // namespace bullet

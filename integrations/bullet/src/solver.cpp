@@ -6,6 +6,7 @@
 #include <BulletDynamics/ConstraintSolver/btContactSolverInfo.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdio>
 #include <new>
@@ -75,7 +76,7 @@ cairn_contacts viewContacts(std::vector<ContactRecord>& records, std::vector<Con
     return table;
 }
 
-cairn_joints viewJoints(std::vector<JointRecord>& records) {
+cairn_joints viewJoints(std::vector<JointRecord>& records, bool drives, bool bounded) {
     cairn_joints table = {};
     table.struct_size = sizeof table;
     table.count = static_cast<uint32_t>(records.size());
@@ -91,6 +92,15 @@ cairn_joints viewJoints(std::vector<JointRecord>& records) {
     table.motor_speed = CAIRN_REAL(records, motorSpeed);
     table.motor_force = CAIRN_REAL(records, motorForce);
     table.key = CAIRN_FIELD(records, key, CAIRN_U64);
+    if (drives) {
+        table.rotation = CAIRN_FIELD(records, rotation, CAIRN_U32);
+        table.target = CAIRN_REAL(records, target);
+        table.stiffness = CAIRN_REAL(records, stiffness);
+        table.damping = CAIRN_REAL(records, damping);
+        table.rate = CAIRN_REAL(records, rate);
+    }
+    if (bounded)
+        table.max_force = CAIRN_REAL(records, maxForce);
     return table;
 }
 
@@ -122,6 +132,8 @@ cairn_results viewResults(Tables& tables) {
     results.friction_impulse = CAIRN_REAL(tables.contacts, frictionImpulse);
     results.joint_impulse = CAIRN_REAL(tables.joints, impulse);
     results.row_impulse = CAIRN_REAL(tables.rows, impulse);
+    results.joint_linear = CAIRN_REAL(tables.joints, linear);
+    results.joint_angular = CAIRN_REAL(tables.joints, angular);
     return results;
 }
 
@@ -133,7 +145,8 @@ cairn_results viewResults(Tables& tables) {
 struct ConstraintSolver::Implementation {
     cairn_solver* solver = nullptr;
     cairn_params params = {};    // the user's
-    double appliedThreshold = 0; // restitution threshold that the solver has now
+    double appliedThreshold = 0; // what the solver has now of what a step may change
+    uint32_t appliedIterations = 0;
     cairn_status status = CAIRN_OK;
     std::string error;
     std::string reported;
@@ -168,7 +181,7 @@ struct ConstraintSolver::Implementation {
     void readParams() {
         params.struct_size = sizeof params;
         if (cairn_solver_get_params(solver, &params) == CAIRN_OK)
-            appliedThreshold = params.restitution_threshold;
+            appliedThreshold = params.restitution_threshold, appliedIterations = params.iterations;
     }
 
     void collect(btCollisionObject** bodyList, int numBodies, btPersistentManifold** manifolds, int numManifolds,
@@ -203,17 +216,20 @@ struct ConstraintSolver::Implementation {
             return CAIRN_OK;
 
         const double threshold = static_cast<double>(info.m_restitutionVelocityThreshold);
-        if (threshold != appliedThreshold) {
+        const uint32_t iterations = std::max(params.iterations, constraints.wantedIterations());
+        if (threshold != appliedThreshold || iterations != appliedIterations) {
             cairn_params effective = params;
             effective.restitution_threshold = threshold;
+            effective.iterations = iterations;
             const cairn_status set = cairn_solver_set_params(solver, &effective);
             if (set != CAIRN_OK)
                 return set;
             appliedThreshold = threshold;
+            appliedIterations = iterations;
         }
         const cairn_bodies bodyTable = viewBodies(tables.bodies);
         const cairn_contacts contactTable = viewContacts(tables.contacts, tables.contactExtras, tables.tangents);
-        const cairn_joints jointTable = viewJoints(tables.joints);
+        const cairn_joints jointTable = viewJoints(tables.joints, tables.drives, tables.bounded);
         const cairn_rows rowTable = viewRows(tables.rows);
         const cairn_results results = viewResults(tables);
         cairn_step input = {};

@@ -73,7 +73,15 @@ struct JointRecord {
     btScalar upper[6];
     btScalar motorSpeed[6];
     btScalar motorForce[6];
+    btScalar target[6];
+    btScalar stiffness[6];
+    btScalar damping[6];
+    btScalar rate[6];
+    btScalar maxForce;
+    uint32_t rotation;
     btScalar impulse[6]; // result
+    btScalar linear[3];  // result
+    btScalar angular[3]; // result
 };
 
 struct RowRecord {
@@ -91,11 +99,13 @@ struct RowRecord {
     btScalar impulse; // result
 };
 
-// Where a constraint's results are: its native joint (or -1) and its rows.
+// Where a constraint's results are: its native joints and its rows.
 struct ConstraintSlot {
     btTypedConstraint* constraint;
-    int joint;
-    int reportedAxis; // of the native joint: the axis whose impulse Bullet's users read; -1: the linear impulse's norm
+    std::size_t firstJoint;
+    std::size_t jointCount;
+    bool swapped;     // the joints' body b is Bullet's A
+    int reportedAxis; // of the first joint: the axis whose impulse Bullet's users read; -1: the linear impulse's norm
     btScalar reportedSign;
     std::size_t firstRow;
     std::size_t rowCount;
@@ -111,6 +121,8 @@ struct Tables {
     std::vector<RowRecord> rows;
     std::vector<ConstraintSlot> constraints;
     bool tangents = false; // some contact brings its own friction direction
+    bool drives = false;   // some joint has a spring, a servo or a rotation of another kind
+    bool bounded = false;  // some joint's force is bounded
 
     void clear() {
         bodies.clear();
@@ -121,7 +133,7 @@ struct Tables {
         joints.clear();
         rows.clear();
         constraints.clear();
-        tangents = false;
+        tangents = drives = bounded = false;
     }
     // Of the last contact.
     ContactExtra& extra() {

@@ -35,7 +35,8 @@ class ConstraintSolver : public btConstraintSolver {
     // A method with the parameters of a preset (CAIRN_METHOD_..., CAIRN_PRESET_...).
     cairn_status setMethod(uint32_t method, uint32_t preset = CAIRN_PRESET_DEFAULT);
     // Parameters in use. `restitution_threshold` is replaced in each step by btContactSolverInfo's
-    // m_restitutionVelocityThreshold; iterations are these, not m_numIterations.
+    // m_restitutionVelocityThreshold; iterations are these, not m_numIterations, or the largest that a constraint asks for with
+    // setOverrideNumSolverIterations(), if that is more.
     const cairn_params& params() const;
     cairn_status setParams(const cairn_params& params);
 
