@@ -263,7 +263,6 @@ template <class SixDof> void turnIntoACorner(const char* name) {
 TEST(Joints, SixDofAnglesStopAsBehindStock) { turnIntoACorner<btGeneric6DofConstraint>("6-dof"); }
 TEST(Joints, SixDofSpring2AnglesStopAsBehindStock) { turnIntoACorner<btGeneric6DofSpring2Constraint>("6-dof spring 2"); }
 
-// The types that are rows in part, or altogether.
 // A limited axis has two rows, a driven one a third: the springs' and servos' rows must be found behind them.
 TEST(Joints, SpringsMoveAsBehindStock) {
     for (const bool among : {false, true}) {
@@ -376,6 +375,71 @@ TEST(Joints, APickIsAsStrongAsItsClamp) {
     EXPECT_LT(body.getAngularVelocity().length(), 1e-4) << "held at its centre, it is not turned, however far the pull comes from";
     w.step(3);
     EXPECT_NEAR(body.getLinearVelocity().x() - before.x(), 0.2, 4e-4) << "a clipped impulse is a force";
+}
+
+// setParam(CFM) of a locked axis: at rest J v = 0, so erp C / dt = cfm K lambda, lambda = m g dt.
+TEST(Joints, CfmLetsALockedAxisSagAsStocks) {
+    const btScalar cfm = btScalar(0.3), erp = btScalar(0.4);
+    const double sag = 9.81 * static_cast<double>(kDt) * static_cast<double>(kDt) * 0.3 / 0.4; // K = 1 / m
+    for (const Behind behind : {Behind::stock, Behind::cairn}) {
+        for (const int kind : {0, 1, 2}) {
+            TestWorld w(behind);
+            btRigidBody& bob = w.box(2, btVector3(0, 0, 0));
+            const btTransform origin = btTransform::getIdentity();
+            if (kind == 0) {
+                w.join(std::make_unique<btPoint2PointConstraint>(bob, btVector3(0, 0, 0)));
+            } else if (kind == 1) {
+                w.join(std::make_unique<btGeneric6DofConstraint>(bob, origin, true));
+            } else {
+                w.join(std::make_unique<btGeneric6DofSpring2Constraint>(bob, origin));
+            }
+            btTypedConstraint& joint = *w.constraints.back();
+            for (int axis = 0; axis < (kind == 0 ? 1 : 3); ++axis) {
+                joint.setParam(kind == 0 ? BT_CONSTRAINT_CFM : BT_CONSTRAINT_STOP_CFM, cfm, kind == 0 ? -1 : axis);
+                joint.setParam(kind == 0 ? BT_CONSTRAINT_ERP : BT_CONSTRAINT_STOP_ERP, erp, kind == 0 ? -1 : axis);
+            }
+            w.step(200);
+            EXPECT_NEAR(static_cast<double>(bob.getWorldTransform().getOrigin().y()), -sag, 0.02 * sag)
+                << "kind " << kind << (behind == Behind::stock ? ", stock" : ", Cairn");
+        }
+    }
+}
+
+TEST(Joints, AMotorPushesAgainstASpringOnItsAxis) {
+    TestWorld w(Behind::cairn, kNoGravity);
+    btRigidBody& post = w.box(0, btVector3(0, 0, 0));
+    btRigidBody& body = w.box(1, btVector3(3, 0, 0));
+    auto& joint = w.join(std::make_unique<btGeneric6DofSpring2Constraint>(post, body, at(3, 0, 0), at(0, 0, 0)));
+    joint.setLimit(0, 1, -1);
+    joint.enableSpring(0, true);
+    joint.setStiffness(0, 50);
+    joint.setDamping(0, 10);
+    joint.setEquilibriumPoint(0, btScalar(0.1));
+    joint.enableMotor(0, true);
+    joint.setTargetVelocity(0, -5); // Bullet's linear motors are turned round
+    joint.setMaxMotorForce(0, 4);
+    btJointFeedback feedback;
+    joint.setJointFeedback(&feedback);
+    w.step(200);
+    EXPECT_NEAR(body.getWorldTransform().getOrigin().x(), 3 + 0.1 + 4.0 / 50, 1e-3);
+    EXPECT_NEAR(feedback.m_appliedForceBodyB.x(), 0, 0.01) << "motor and spring hold each other";
+    EXPECT_LT(body.getLinearVelocity().length(), 1e-3);
+}
+
+TEST(Joints, AConstraintMayAskForMoreIterations) {
+    TestWorld w;
+    btRigidBody& bob = w.box(1, btVector3(0, -1, 0));
+    auto& point = w.join(std::make_unique<btPoint2PointConstraint>(bob, btVector3(0, 1, 0)));
+    w.step();
+    const uint32_t usual = w.cairn->statistics().iterations;
+    ASSERT_EQ(usual, w.cairn->params().iterations);
+    point.setOverrideNumSolverIterations(static_cast<int>(3 * usual));
+    w.step();
+    EXPECT_EQ(w.cairn->statistics().iterations, 3 * usual);
+    EXPECT_EQ(w.cairn->params().iterations, usual) << "the user's own stay";
+    point.setOverrideNumSolverIterations(1);
+    w.step();
+    EXPECT_EQ(w.cairn->statistics().iterations, usual);
 }
 
 // btGearConstraint is known to nobody: it comes as the row of its getInfo2().
