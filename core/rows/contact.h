@@ -218,7 +218,8 @@ CAIRN_HD inline Vec3<Lane> step_torsion(const Real* extra, const Vec3<Lane>& n, 
 
 // One sweep over the manifolds of a group. Point blocks all see the velocities of the sweep's start; a manifold block is one
 // inner Gauss-Seidel sweep on local velocities that move with the split mass n M^-1 (with the whole mass it would oscillate);
-// D_tn carries the normal's change to the tangents in both.
+// D_tn carries the normal's change to the tangents in both. Of special groups there is one instance for all: they are rare, and
+// on a GPU each would lie in every kernel that sweeps.
 template <bool kManifold, ContactKind kKind, bool kPyramid, bool kReduces>
 CAIRN_HD void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t lane, std::uint32_t sub) {
     constexpr bool kFrictional = kKind != ContactKind::smooth, kSpecial = kKind == ContactKind::special;

@@ -83,6 +83,37 @@ TEST_P(ContactFeatures, ABallRestsOnASlopeUpToAnAngle) {
     }
 }
 
+// Balls piled up in a pyramid roll off each other at once; rolling friction holds them.
+TEST_P(ContactFeatures, APyramidOfBallsStandsOnRollingFriction) {
+    for (const double coefficient : {0.0, 0.05}) {
+        Scene scene;
+        scene.gravity = Vec3(0, 0, -kGravity);
+        for (int layer = 0; layer < 4; ++layer)
+            for (int i = 0; i < 4 - layer; ++i)
+                for (int k = 0; k < 4 - layer; ++k)
+                    scene.add(Body::sphere(1, kRadius, kRadius * Vec3(2 * i + layer, 2 * k + layer, 1 + std::sqrt(2.0) * layer)));
+        const Vec3 top = scene.bodies.back().position;
+        const auto touch = [](Scene& s) {
+            const int count = static_cast<int>(s.bodies.size());
+            for (int i = 0; i < count; ++i) {
+                touch_sphere(s, i, kRadius, Plane{}, 0.5);
+                for (int k = i + 1; k < count; ++k)
+                    touch_spheres(s, i, k, kRadius, kRadius, 0.5);
+            }
+        };
+        run(scene, preset(GetParam()), 200, touch, [&](Contact& c) { c.rolling_friction = coefficient; });
+        double fastest = 0;
+        for (const Body& body : scene.bodies)
+            fastest = std::max(fastest, body.linear.norm());
+        if (coefficient > 0) {
+            EXPECT_LT(fastest, 1e-3);
+            EXPECT_LT((scene.bodies.back().position - top).norm(), 0.02 * kRadius);
+        } else {
+            EXPECT_GT(fastest, 0.1) << "it stands anyway: this test checks little";
+        }
+    }
+}
+
 // The torque mu_s N stops a spin in I w / (mu_s N), and takes nothing else with it.
 TEST_P(ContactFeatures, ASpinningBallStops) {
     const double mass = 3, coefficient = 0.01, inertia = 0.4 * mass * kRadius * kRadius, spin = 5;
