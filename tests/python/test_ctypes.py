@@ -36,8 +36,8 @@ Bodies = table(
 )
 Contacts = table(
     "Contacts",
-    "body_a body_b normal arm_a arm_b separation friction restitution tangent key flags friction_scale surface_velocity "
-    "rolling_friction spinning_friction stiffness damping",
+    "body_a body_b normal arm_a arm_b separation friction restitution tangent key flags friction_scale "
+    "surface_velocity rolling_friction spinning_friction stiffness damping",
 )
 RESULTS = (
     "position orientation linear_velocity angular_velocity contact_impulse friction_impulse joint_impulse row_impulse "

@@ -192,8 +192,8 @@ void gatherContacts(btPersistentManifold& manifold, btDispatcher* dispatcher, co
         btManifoldPoint& point = manifold.getContactPoint(i);
         if (!(point.getDistance() <= threshold))
             continue;
-        const btScalar norm = point.m_normalWorldOnB.length();
-        if (norm <= SIMD_EPSILON) // no direction to push in
+        const btScalar square = point.m_normalWorldOnB.length2();
+        if (square <= SIMD_EPSILON) // no direction to push in
             continue;
         tables.contacts.emplace_back();
         tables.contactOwners.push_back(&point);
@@ -202,7 +202,8 @@ void gatherContacts(btPersistentManifold& manifold, btDispatcher* dispatcher, co
         record.bodyA = index1;
         record.bodyB = index0;
         record.flags = flags;
-        store(record.normal, point.m_normalWorldOnB / norm); // a callback may have left it long
+        const bool isUnit = btFabs(square - 1) < btScalar(1e-3); // or a callback has left it long
+        store(record.normal, isUnit ? point.m_normalWorldOnB : point.m_normalWorldOnB / btSqrt(square));
         store(record.armA, point.getPositionWorldOnB() - center1);
         store(record.armB, point.getPositionWorldOnA() - center0);
         record.separation = point.getDistance() + info.m_linearSlop;
