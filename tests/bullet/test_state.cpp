@@ -34,8 +34,11 @@ TEST(State, BodiesWithoutContactsFall) {
     EXPECT_NEAR(body.getWorldTransform().getOrigin().y(), 100 - 9.81 / 2, 0.1);
 }
 
-TEST(State, StaticAndKinematicBodiesAreNotTouched) {
-    TestWorld w;
+class OfALanding : public testing::TestWithParam<Landing> {};
+INSTANTIATE_TEST_SUITE_P(State, OfALanding, testing::ValuesIn(kLandings));
+
+TEST_P(OfALanding, StaticAndKinematicBodiesAreNotTouched) {
+    TestWorld w(Behind::cairn, btVector3(0, btScalar(-9.81), 0), GetParam());
     btRigidBody& ground = w.floor();
     btRigidBody& platform = w.box(0, btVector3(3, btScalar(0.5), 0));
     platform.setCollisionFlags(platform.getCollisionFlags() | btCollisionObject::CF_KINEMATIC_OBJECT);
@@ -58,18 +61,20 @@ TEST(State, StaticAndKinematicBodiesAreNotTouched) {
 TEST(State, SleepingBodiesStayWhereTheyAre) {
     // Without split islands the world hands over sleeping bodies as well.
     for (const bool split : {true, false}) {
-        TestWorld w;
-        w.world->getSimulationIslandManager()->setSplitIslands(split);
-        w.floor();
-        // A little above the floor: awake, it would move.
-        btRigidBody& asleep = w.add(std::make_unique<btBoxShape>(btVector3(1, 1, 1)), 1, at(0, btScalar(1.5), 0), true);
-        btRigidBody& awake = w.box(1, btVector3(9, btScalar(0.5), 0));
-        asleep.forceActivationState(ISLAND_SLEEPING);
-        const btTransform before = asleep.getWorldTransform();
-        w.step(30);
-        EXPECT_EQ(asleep.getWorldTransform().getOrigin(), before.getOrigin()) << "split islands: " << split;
-        EXPECT_EQ(asleep.getLinearVelocity(), btVector3(0, 0, 0));
-        EXPECT_NEAR(awake.getWorldTransform().getOrigin().y(), 0.5, 0.01);
+        for (const Landing landing : kLandings) {
+            TestWorld w(Behind::cairn, btVector3(0, btScalar(-9.81), 0), landing);
+            w.world->getSimulationIslandManager()->setSplitIslands(split);
+            w.floor();
+            // A little above the floor: awake, it would move.
+            btRigidBody& asleep = w.add(std::make_unique<btBoxShape>(btVector3(1, 1, 1)), 1, at(0, btScalar(1.5), 0), true);
+            btRigidBody& awake = w.box(1, btVector3(9, btScalar(0.5), 0));
+            asleep.forceActivationState(ISLAND_SLEEPING);
+            const btTransform before = asleep.getWorldTransform();
+            w.step(30);
+            EXPECT_EQ(asleep.getWorldTransform().getOrigin(), before.getOrigin()) << "split islands: " << split;
+            EXPECT_EQ(asleep.getLinearVelocity(), btVector3(0, 0, 0));
+            EXPECT_NEAR(awake.getWorldTransform().getOrigin().y(), 0.5, 0.01);
+        }
     }
 }
 

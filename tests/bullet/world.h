@@ -12,10 +12,14 @@ constexpr btScalar kDt = btScalar(1) / 60;
 constexpr bool kDouble = sizeof(btScalar) == sizeof(double);
 
 enum class Behind { stock, cairn };
+enum class Landing { preImage, action, mixin }; // the adapter's three ways to end a step where the substeps did
+
+constexpr Landing kLandings[] = {Landing::preImage, Landing::action, Landing::mixin};
 
 class TestWorld {
   public:
-    explicit TestWorld(Behind behind = Behind::cairn, const btVector3& gravity = btVector3(0, btScalar(-9.81), 0)) {
+    explicit TestWorld(Behind behind = Behind::cairn, const btVector3& gravity = btVector3(0, btScalar(-9.81), 0),
+                       Landing landing = Landing::preImage) {
         cairn_config config = {};
         config.struct_size = sizeof config;
         config.threads = 1;
@@ -26,7 +30,16 @@ class TestWorld {
         } else {
             solver = std::make_unique<btSequentialImpulseConstraintSolver>();
         }
-        world = std::make_unique<btDiscreteDynamicsWorld>(&dispatcher, &broadphase, solver.get(), &configuration);
+        if (landing == Landing::mixin) {
+            using World = cairn::bullet::LandingWorld<btDiscreteDynamicsWorld>;
+            auto made = std::make_unique<World>(&dispatcher, &broadphase, solver.get(), &configuration);
+            made->land(*cairn);
+            world = std::move(made);
+        } else {
+            world = std::make_unique<btDiscreteDynamicsWorld>(&dispatcher, &broadphase, solver.get(), &configuration);
+            if (landing == Landing::action)
+                cairn->attach(*world);
+        }
         world->setGravity(gravity);
         world->getSolverInfo().m_numIterations = 100;
     }

@@ -1,11 +1,35 @@
 #include "bodies.h"
 
+#include <BulletCollision/CollisionDispatch/btCollisionWorld.h>
 #include <BulletDynamics/ConstraintSolver/btTypedConstraint.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 #include <LinearMath/btTransformUtil.h>
 
+#include <cmath>
+
 namespace cairn {
 namespace bullet {
+namespace {
+
+btQuaternion quaternion(const btScalar (&from)[4]) { return btQuaternion(from[0], from[1], from[2], from[3]); }
+
+// The constant angular velocity that turns `from` into `to` in dt, the short way round.
+btVector3 turnRate(const btQuaternion& from, const btQuaternion& to, btScalar dt) {
+    const btQuaternion turn = to * from.inverse();
+    const btVector3 axis(turn.x(), turn.y(), turn.z());
+    const btScalar sine = axis.length();
+    if (!(sine > btScalar(0)))
+        return btVector3(0, 0, 0);
+    const btScalar angle = 2 * std::atan2(sine, btFabs(turn.w())); // acos(w) would lose small angles
+    return axis * ((turn.w() < 0 ? -angle : angle) / (sine * dt));
+}
+
+// v becomes `end` exactly where nobody else changed it, and else keeps the change.
+btVector3 landed(const btVector3& v, const btScalar (&average)[3], const btScalar (&end)[3]) {
+    return v == vector(average) ? vector(end) : v + (vector(end) - vector(average));
+}
+
+} // namespace
 
 void Bodies::beginStep() {
     ++m_step;
@@ -89,11 +113,53 @@ void Bodies::scatter(btScalar dt) const {
         const btScalar threshold = body->getCcdSquareMotionThreshold();
         if (threshold > btScalar(0) && threshold < (linear * dt).length2())
             continue;
-        const btTransform end(btQuaternion(record.orientation[0], record.orientation[1], record.orientation[2], record.orientation[3]),
-                              vector(record.position));
+        const btTransform end(quaternion(record.orientation), vector(record.position));
         btTransform start;
         btTransformUtil::integrateTransform(end, -linear, -angular, dt, start);
         body->setWorldTransform(start);
+    }
+}
+
+void Bodies::scatter(btScalar dt, std::vector<Flight>& flights) const {
+    for (std::size_t i = 0; i < m_tables.bodies.size(); ++i) {
+        btRigidBody* body = m_tables.bodyOwners[i];
+        if (!body)
+            continue;
+        const BodyRecord& record = m_tables.bodies[i];
+        const btTransform& start = body->getWorldTransform();
+        btQuaternion orientation;
+        start.getBasis().getRotation(orientation);
+        body->setLinearVelocity((vector(record.position) - start.getOrigin()) / dt);
+        body->setAngularVelocity(turnRate(orientation, quaternion(record.orientation), dt));
+
+        flights.emplace_back();
+        Flight& flight = flights.back();
+        flight.body = body;
+        flight.worldIndex = body->getWorldArrayIndex();
+        store(flight.position, vector(record.position));
+        store(flight.orientation, quaternion(record.orientation));
+        store(flight.linear, vector(record.linearVelocity));
+        store(flight.angular, vector(record.angularVelocity));
+        store(flight.averageLinear, body->getLinearVelocity());
+        store(flight.averageAngular, body->getAngularVelocity());
+    }
+}
+
+void land(const std::vector<Flight>& flights, btCollisionWorld& world) {
+    const btCollisionObjectArray& objects = world.getCollisionObjectArray();
+    for (const Flight& flight : flights) {
+        // An action that ran before may have removed the body, and deleted it.
+        const bool there = flight.worldIndex >= 0 && flight.worldIndex < objects.size() && objects[flight.worldIndex] == flight.body;
+        if (!there && objects.findLinearSearch(flight.body) == objects.size())
+            continue;
+        btRigidBody& body = *flight.body;
+        if (body.getHitFraction() == btScalar(1)) // else CCD has stopped it on the way
+            body.setCenterOfMassTransform(btTransform(quaternion(flight.orientation), vector(flight.position)));
+        // Motion states are interpolated along the way that the body went, whatever its velocity is at the end.
+        body.setInterpolationLinearVelocity(vector(flight.averageLinear));
+        body.setInterpolationAngularVelocity(vector(flight.averageAngular));
+        body.setLinearVelocity(landed(body.getLinearVelocity(), flight.averageLinear, flight.linear));
+        body.setAngularVelocity(landed(body.getAngularVelocity(), flight.averageAngular, flight.angular));
     }
 }
 

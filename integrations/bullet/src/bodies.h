@@ -5,9 +5,22 @@
 #include <utility>
 
 class btCollisionObject;
+class btCollisionWorld;
 
 namespace cairn {
 namespace bullet {
+
+// A body between the solve and the landing.
+struct Flight {
+    btRigidBody* body;
+    int worldIndex;
+    btScalar position[3]; // where the substeps ended
+    btScalar orientation[4];
+    btScalar linear[3]; // and with what velocity
+    btScalar angular[3];
+    btScalar averageLinear[3]; // what the body has meanwhile
+    btScalar averageAngular[3];
+};
 
 class Bodies {
   public:
@@ -20,6 +33,8 @@ class Bodies {
 
     // Velocities, and the pose from which Bullet's own integration of this step lands on the solver's pose.
     void scatter(btScalar dt) const;
+    // Or: the velocities that lead there, the rest in `flights`.
+    void scatter(btScalar dt, std::vector<Flight>& flights) const;
 
   private:
     int add(btCollisionObject& object);
@@ -34,6 +49,9 @@ class Bodies {
     btCollisionObject* m_fixed = nullptr;
     uint64_t m_step = 0;
 };
+
+// The end of the step, once the world has integrated: poses, but for bodies that CCD has stopped on the way, and velocities.
+void land(const std::vector<Flight>& flights, btCollisionWorld& world);
 
 } // namespace bullet
 } // namespace cairn

@@ -1,6 +1,7 @@
 #include "contacts.h"
 
 #include <BulletCollision/BroadphaseCollision/btDispatcher.h>
+#include <BulletCollision/CollisionDispatch/btManifoldResult.h>
 #include <BulletCollision/CollisionShapes/btCapsuleShape.h>
 #include <BulletCollision/CollisionShapes/btCylinderShape.h>
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
@@ -45,6 +46,12 @@ bool isRound(const btCollisionObject& object, btScalar dt) {
     const btScalar spin = angular.dot(object.getWorldTransform().getBasis().getColumn(axis));
     const btScalar tumble = btSqrt(btMax(angular.length2() - spin * spin, btScalar(0)));
     return halfLength * tumble < radius * spin * spin * dt / 2;
+}
+
+// Bullet's predictive points, the ones it adds for CCD, come without restitution: stock lets the body arrive and bounce in
+// the next step. Here it arrives within the step, in one of the substeps, and so must bounce there.
+bool isPredictive(const btManifoldPoint& point) {
+    return point.getDistance() > btScalar(0) && point.m_combinedRestitution == btScalar(0) && point.m_localPointA == btVector3(0, 0, 0);
 }
 
 btScalar clamped(btScalar value, btScalar low, btScalar high) { return value < low ? low : (value > high ? high : value); }
@@ -208,7 +215,9 @@ void gatherContacts(btPersistentManifold& manifold, btDispatcher* dispatcher, co
         store(record.armB, point.getPositionWorldOnA() - center0);
         record.separation = point.getDistance() + info.m_linearSlop;
         record.friction = btMax(point.m_combinedFriction, btScalar(0));
-        record.restitution = clamped(point.m_combinedRestitution, btScalar(0), btScalar(1));
+        const btScalar restitution =
+            isPredictive(point) ? gCalculateCombinedRestitutionCallback(object0, object1) : point.m_combinedRestitution;
+        record.restitution = clamped(restitution, btScalar(0), btScalar(1));
         const int pointFlags = point.m_contactPointFlags;
         if ((info.m_solverMode & SOLVER_ENABLE_FRICTION_DIRECTION_CACHING) && (pointFlags & BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED))
             useGivenDirections(point, (info.m_solverMode & SOLVER_USE_2_FRICTION_DIRECTIONS) != 0, tables);

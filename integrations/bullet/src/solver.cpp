@@ -4,6 +4,8 @@
 #include "joints.h"
 
 #include <BulletDynamics/ConstraintSolver/btContactSolverInfo.h>
+#include <BulletDynamics/Dynamics/btActionInterface.h>
+#include <BulletDynamics/Dynamics/btDynamicsWorld.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
 #include <algorithm>
@@ -158,6 +160,25 @@ struct ConstraintSolver::Implementation {
     ContactKeys keys;
     Constraints constraints{tables, bodies};
 
+    // Bodies of the groups that were solved since the last landing, where the landing comes after integrateTransforms().
+    bool landLater = false;
+    std::vector<Flight> flights;
+
+    // Lands in the worlds that run actions.
+    struct Action : btActionInterface {
+        explicit Action(Implementation& owner) : m_owner(owner) {}
+        void updateAction(btCollisionWorld* world, btScalar) override { m_owner.land(*world); }
+        void debugDraw(btIDebugDraw*) override {}
+        Implementation& m_owner;
+    };
+    Action action{*this};
+    btDynamicsWorld* attachedTo = nullptr;
+
+    void land(btCollisionWorld& world) {
+        bullet::land(flights, world);
+        flights.clear();
+    }
+
     // Collected between prepareSolve() and allSolved().
     bool collecting = false;
     btDispatcher* dispatcher = nullptr;
@@ -244,7 +265,10 @@ struct ConstraintSolver::Implementation {
             return solved;
         constraints.scatter(info.m_timeStep); // before the bodies move
         scatterContacts(tables);
-        bodies.scatter(info.m_timeStep);
+        if (landLater)
+            bodies.scatter(info.m_timeStep, flights);
+        else
+            bodies.scatter(info.m_timeStep);
         return CAIRN_OK;
     }
 
@@ -339,6 +363,28 @@ void ConstraintSolver::allSolved(const btContactSolverInfo& info, btIDebugDraw*)
     m_implementation->forgetGroups();
     m_implementation->collecting = false;
 }
+
+void ConstraintSolver::attach(btDynamicsWorld& world) {
+    detach();
+    m_implementation->attachedTo = &world;
+    world.addAction(&m_implementation->action);
+    landLater(true);
+}
+
+void ConstraintSolver::detach() {
+    if (!m_implementation->attachedTo)
+        return;
+    m_implementation->attachedTo->removeAction(&m_implementation->action);
+    m_implementation->attachedTo = nullptr;
+    landLater(false);
+}
+
+void ConstraintSolver::landLater(bool later) {
+    m_implementation->landLater = later;
+    m_implementation->flights.clear();
+}
+
+void ConstraintSolver::land(btCollisionWorld& world) { m_implementation->land(world); }
 
 void ConstraintSolver::reset() {
     m_implementation->keys.clear();

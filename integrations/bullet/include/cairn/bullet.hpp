@@ -15,6 +15,10 @@
 #include <BulletDynamics/ConstraintSolver/btConstraintSolver.h>
 
 #include <memory>
+#include <vector>
+
+class btCollisionWorld;
+class btDynamicsWorld;
 
 namespace cairn {
 namespace bullet {
@@ -59,6 +63,20 @@ class ConstraintSolver : public btConstraintSolver {
                         btTypedConstraint** constraints, int numConstraints, const btContactSolverInfo& info, btIDebugDraw* debugDrawer,
                         btDispatcher* dispatcher) override;
     void allSolved(const btContactSolverInfo& info, btIDebugDraw* debugDrawer) override;
+
+    // Where the bodies land: after the solve the world integrates once more, so without more ado the solver leaves poses
+    // from which it lands on the substeps' end. attach() makes the landing exact instead and the way to it straight: the
+    // solver leaves the step's average velocity, the world integrates (and sweeps, for CCD) along the real way, and an action
+    // then sets the end's poses and velocities. What other actions add to velocities is kept, but they see the average unless
+    // they were added later. The world must outlive its last step with the solver; detach() before one goes on without the other.
+    void attach(btDynamicsWorld& world);
+    void detach();
+
+    // attach() by hand, for a world class of your own (LandingWorld below is one): landLater(true) once, then land() after each
+    // integrateTransforms(). Nothing in the world's bodies or the solver may be touched by another thread meanwhile.
+    void landLater(bool later);
+    void land(btCollisionWorld& world);
+
     // Forgets the impulses kept for warm starts.
     void reset() override;
     btConstraintSolverType getSolverType() const override { return BT_SEQUENTIAL_IMPULSE_SOLVER; }
@@ -66,6 +84,30 @@ class ConstraintSolver : public btConstraintSolver {
   private:
     struct Implementation;
     std::unique_ptr<Implementation> m_implementation;
+};
+
+// A world class that lands exactly before its first action runs, so that every action sees the velocities of the step's end:
+//     LandingWorld<btDiscreteDynamicsWorld> world(&dispatcher, &broadphase, &solver, &configuration);
+//     world.land(solver); // each solver that serves it: all of a btDiscreteDynamicsWorldMt's pool, and the one for large islands
+template <class World> class LandingWorld : public World {
+  public:
+    using World::World;
+
+    // Borrowed: the solver must live as long as the world steps.
+    void land(ConstraintSolver& solver) {
+        solver.landLater(true);
+        m_solvers.push_back(&solver);
+    }
+
+  protected:
+    void integrateTransforms(btScalar timeStep) override {
+        World::integrateTransforms(timeStep);
+        for (ConstraintSolver* solver : m_solvers)
+            solver->land(*this);
+    }
+
+  private:
+    std::vector<ConstraintSolver*> m_solvers;
 };
 
 } // namespace bullet
