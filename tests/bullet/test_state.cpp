@@ -1,7 +1,7 @@
 // What a step leaves behind: the state that the stock solver would leave, and no other.
 #include "world.h"
 
-#include <BulletDynamics/Dynamics/btDiscreteDynamicsWorldMt.h>
+#include <BulletCollision/CollisionDispatch/btSimulationIslandManager.h>
 
 #include <gtest/gtest.h>
 
@@ -254,36 +254,6 @@ TEST(State, BadParametersAreRefusedAndTheOldOnesStay) {
     EXPECT_EQ(w.cairn->setMethod(CAIRN_METHOD_COUNT), CAIRN_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(w.cairn->setMethod(CAIRN_METHOD_PJ), CAIRN_OK);
     EXPECT_EQ(w.cairn->params().method, CAIRN_METHOD_PJ);
-}
-
-// A pool forwards neither prepareSolve() nor allSolved(): each group is solved when it comes.
-TEST(State, StandsBehindASolverPool) {
-    TestWorld parts; // its collision parts; the world below is the one that runs
-    btConstraintSolver* solvers[] = {new cairn::bullet::ConstraintSolver(CAIRN_METHOD_TJSOFT)};
-    btConstraintSolverPoolMt pool(solvers, 1); // deletes them
-    btDiscreteDynamicsWorldMt world(&parts.dispatcher, &parts.broadphase, &pool, nullptr, &parts.configuration);
-    world.setGravity(btVector3(0, btScalar(-9.81), 0));
-    world.setForceUpdateAllAabbs(true);
-    btBoxShape ground(btVector3(50, 1, 50)), cube(btVector3(btScalar(0.5), btScalar(0.5), btScalar(0.5)));
-    btVector3 inertia;
-    cube.calculateLocalInertia(1, inertia);
-    btRigidBody floor(btRigidBody::btRigidBodyConstructionInfo(0, nullptr, &ground));
-    floor.setWorldTransform(at(0, -1, 0));
-    world.addRigidBody(&floor);
-    std::vector<std::unique_ptr<btRigidBody>> boxes;
-    for (int i = 0; i < 10; ++i) { // two towers, two islands
-        boxes.push_back(std::make_unique<btRigidBody>(btRigidBody::btRigidBodyConstructionInfo(1, nullptr, &cube, inertia)));
-        boxes.back()->setWorldTransform(at(btScalar(i % 2 * 5), btScalar(0.5) + btScalar(i / 2), 0));
-        boxes.back()->setActivationState(DISABLE_DEACTIVATION);
-        world.addRigidBody(boxes.back().get());
-    }
-    for (int i = 0; i < 120; ++i)
-        world.stepSimulation(kDt, 0, kDt);
-    for (int i = 0; i < 10; ++i) {
-        EXPECT_NEAR(boxes[static_cast<std::size_t>(i)]->getWorldTransform().getOrigin().y(), 0.5 + i / 2, 0.05);
-        world.removeRigidBody(boxes[static_cast<std::size_t>(i)].get());
-    }
-    world.removeRigidBody(&floor);
 }
 
 } // namespace

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdio>
+#include <cstring>
 #include <new>
 #include <string>
 
@@ -146,9 +147,9 @@ cairn_results viewResults(Tables& tables) {
 
 struct ConstraintSolver::Implementation {
     cairn_solver* solver = nullptr;
-    cairn_params params = {};    // the user's
-    double appliedThreshold = 0; // what the solver has now of what a step may change
-    uint32_t appliedIterations = 0;
+    cairn_params params = {};  // the user's
+    cairn_params applied = {}; // the solver's now
+    bool followInfo = true;
     cairn_status status = CAIRN_OK;
     std::string error;
     std::string reported;
@@ -185,6 +186,8 @@ struct ConstraintSolver::Implementation {
     std::vector<btCollisionObject*> groupBodies;
     std::vector<btPersistentManifold*> groupManifolds;
     std::vector<btTypedConstraint*> groupConstraints;
+    int bodiesAnnounced = 0;
+    bool groupsCame = false;
 
     cairn_status fail(cairn_status failure, const char* text) {
         status = failure;
@@ -202,7 +205,19 @@ struct ConstraintSolver::Implementation {
     void readParams() {
         params.struct_size = sizeof params;
         if (cairn_solver_get_params(solver, &params) == CAIRN_OK)
-            appliedThreshold = params.restitution_threshold, appliedIterations = params.iterations;
+            applied = params;
+    }
+
+    cairn_status applyParams(const btContactSolverInfo& info) {
+        cairn_params wanted = followInfo ? fromBullet(info, params) : params;
+        wanted.restitution_threshold = static_cast<double>(info.m_restitutionVelocityThreshold);
+        wanted.iterations = std::max(wanted.iterations, constraints.wantedIterations());
+        if (std::memcmp(&wanted, &applied, sizeof wanted) == 0)
+            return CAIRN_OK;
+        const cairn_status set = cairn_solver_set_params(solver, &wanted);
+        if (set == CAIRN_OK)
+            applied = wanted;
+        return set;
     }
 
     void collect(btCollisionObject** bodyList, int numBodies, btPersistentManifold** manifolds, int numManifolds,
@@ -236,18 +251,9 @@ struct ConstraintSolver::Implementation {
         if (tables.bodies.empty())
             return CAIRN_OK;
 
-        const double threshold = static_cast<double>(info.m_restitutionVelocityThreshold);
-        const uint32_t iterations = std::max(params.iterations, constraints.wantedIterations());
-        if (threshold != appliedThreshold || iterations != appliedIterations) {
-            cairn_params effective = params;
-            effective.restitution_threshold = threshold;
-            effective.iterations = iterations;
-            const cairn_status set = cairn_solver_set_params(solver, &effective);
-            if (set != CAIRN_OK)
-                return set;
-            appliedThreshold = threshold;
-            appliedIterations = iterations;
-        }
+        const cairn_status set = applyParams(info);
+        if (set != CAIRN_OK)
+            return set;
         const cairn_bodies bodyTable = viewBodies(tables.bodies);
         const cairn_contacts contactTable = viewContacts(tables.contacts, tables.contactExtras, tables.tangents);
         const cairn_joints jointTable = viewJoints(tables.joints, tables.drives, tables.bounded);
@@ -307,7 +313,10 @@ cairn_status ConstraintSolver::setMethod(uint32_t method, uint32_t preset) {
     const cairn_status filled = cairn_params_preset(method, preset, &params);
     if (filled != CAIRN_OK)
         return m_implementation->fail(filled, cairn_last_error());
-    return setParams(params);
+    const cairn_status set = setParams(params);
+    if (set == CAIRN_OK)
+        followInfo(true);
+    return set;
 }
 
 const cairn_params& ConstraintSolver::params() const { return m_implementation->params; }
@@ -319,8 +328,11 @@ cairn_status ConstraintSolver::setParams(const cairn_params& params) {
     if (set != CAIRN_OK)
         return m_implementation->fail(set, cairn_last_error());
     m_implementation->readParams();
+    followInfo(false);
     return CAIRN_OK;
 }
+
+void ConstraintSolver::followInfo(bool follow) { m_implementation->followInfo = follow; }
 
 cairn_statistics ConstraintSolver::statistics() const {
     cairn_statistics statistics = {};
@@ -341,8 +353,10 @@ void ConstraintSolver::setErrorCallback(ErrorCallback callback, void* user) {
     m_implementation->callbackUser = user;
 }
 
-void ConstraintSolver::prepareSolve(int, int) {
+void ConstraintSolver::prepareSolve(int numBodies, int) {
     m_implementation->forgetGroups();
+    m_implementation->bodiesAnnounced = numBodies;
+    m_implementation->groupsCame = false;
     m_implementation->collecting = true;
 }
 
@@ -350,6 +364,7 @@ btScalar ConstraintSolver::solveGroup(btCollisionObject** bodies, int numBodies,
                                       btTypedConstraint** constraints, int numConstraints, const btContactSolverInfo& info, btIDebugDraw*,
                                       btDispatcher* dispatcher) {
     m_implementation->dispatcher = dispatcher;
+    m_implementation->groupsCame = true;
     m_implementation->collect(bodies, numBodies, manifolds, numManifolds, constraints, numConstraints);
     if (!m_implementation->collecting) {
         m_implementation->solve(info);
@@ -359,7 +374,13 @@ btScalar ConstraintSolver::solveGroup(btCollisionObject** bodies, int numBodies,
 }
 
 void ConstraintSolver::allSolved(const btContactSolverInfo& info, btIDebugDraw*) {
-    m_implementation->solve(info);
+    if (m_implementation->groupsCame || m_implementation->bodiesAnnounced == 0)
+        m_implementation->solve(info);
+    else // a discrete world hands over at least an empty group
+        m_implementation->fail(
+            CAIRN_ERROR_UNSUPPORTED,
+            "the world announced bodies but called solveGroup for none, as a btMultiBodyDynamicsWorld does, which needs a "
+            "btMultiBodyConstraintSolver: use a btDiscreteDynamicsWorld");
     m_implementation->forgetGroups();
     m_implementation->collecting = false;
 }

@@ -19,9 +19,20 @@
 
 class btCollisionWorld;
 class btDynamicsWorld;
+class btITaskScheduler;
 
 namespace cairn {
 namespace bullet {
+
+// What an application that has changed btContactSolverInfo expects of a preset: fields at Bullet's defaults leave `preset` as it
+// is, the others move it. README.md has the table. Nothing is checked: cairn_solver_set_params() does that.
+cairn_params fromBullet(const btContactSolverInfo& info, const cairn_params& preset);
+
+// `config` with Bullet's task scheduler (btGetTaskScheduler(), or one of your own) for the CPU sweeps, which else have threads of
+// their own; results are the same. NULL, which a Bullet without BT_THREADSAFE may give, changes nothing. It takes the `user` of all
+// hooks. The scheduler is borrowed for the solver's life, the count of its threads is today's. For a solver inside a
+// btConstraintSolverPoolMt take threads = 1 instead: the pool is parallel itself.
+cairn_config onTaskScheduler(btITaskScheduler* scheduler, const cairn_config* config = nullptr);
 
 class ConstraintSolver : public btConstraintSolver {
   public:
@@ -36,13 +47,16 @@ class ConstraintSolver : public btConstraintSolver {
     ConstraintSolver(const ConstraintSolver&) = delete;
     ConstraintSolver& operator=(const ConstraintSolver&) = delete;
 
-    // A method with the parameters of a preset (CAIRN_METHOD_..., CAIRN_PRESET_...).
+    // A method with the parameters of a preset (CAIRN_METHOD_..., CAIRN_PRESET_...), which follow the world's
+    // btContactSolverInfo (fromBullet) in every step.
     cairn_status setMethod(uint32_t method, uint32_t preset = CAIRN_PRESET_DEFAULT);
-    // Parameters in use. `restitution_threshold` is replaced in each step by btContactSolverInfo's
-    // m_restitutionVelocityThreshold; iterations are these, not m_numIterations, or the largest that a constraint asks for with
+    // Parameters as they are: btContactSolverInfo no longer moves them, until followInfo(true) or setMethod(). But
+    // `restitution_threshold` is always its m_restitutionVelocityThreshold, and `iterations` the largest that a constraint asks for with
     // setOverrideNumSolverIterations(), if that is more.
-    const cairn_params& params() const;
     cairn_status setParams(const cairn_params& params);
+    void followInfo(bool follow);
+    // As set, before btContactSolverInfo moves them. handle() has those of the last step.
+    const cairn_params& params() const;
 
     // What the last step did (the last call to libcairn, where a world makes several in a step).
     cairn_statistics statistics() const;

@@ -1,0 +1,278 @@
+// Every kind of world that can call a btConstraintSolver, the threads that may run its sweeps, and btContactSolverInfo.
+#include "world.h"
+
+#include <BulletCollision/CollisionDispatch/btSimulationIslandManager.h>
+#include <BulletDynamics/ConstraintSolver/btSequentialImpulseConstraintSolverMt.h>
+#include <BulletDynamics/Dynamics/btDiscreteDynamicsWorldMt.h>
+#include <BulletDynamics/Featherstone/btMultiBodyConstraintSolver.h>
+#include <BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h>
+#include <BulletSoftBody/btSoftBodyRigidBodyCollisionConfiguration.h>
+#include <BulletSoftBody/btSoftRigidDynamicsWorld.h>
+#include <LinearMath/btThreads.h>
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <string>
+#include <thread>
+
+namespace {
+
+cairn_config oneThread() {
+    cairn_config config = {};
+    config.struct_size = sizeof config;
+    config.threads = 1;
+    return config;
+}
+
+// Two towers of boxes and a pendulum on a hinge: three islands, contacts and a joint. Steps a world for two seconds and
+// says how it stands; the world may be of any kind.
+void standsAndSwings(btDiscreteDynamicsWorld& world) {
+    world.setGravity(btVector3(0, btScalar(-9.81), 0));
+    btBoxShape ground(btVector3(50, 1, 50)), cube(btVector3(btScalar(0.5), btScalar(0.5), btScalar(0.5)));
+    btVector3 inertia;
+    cube.calculateLocalInertia(1, inertia);
+    btRigidBody floor(btRigidBody::btRigidBodyConstructionInfo(0, nullptr, &ground));
+    floor.setWorldTransform(at(0, -1, 0));
+    world.addRigidBody(&floor);
+    std::vector<std::unique_ptr<btRigidBody>> boxes;
+    for (int i = 0; i < 11; ++i) {
+        boxes.push_back(std::make_unique<btRigidBody>(btRigidBody::btRigidBodyConstructionInfo(1, nullptr, &cube, inertia)));
+        boxes.back()->setActivationState(DISABLE_DEACTIVATION);
+        boxes.back()->setWorldTransform(at(btScalar(i % 2 * 5), btScalar(0.5) + btScalar(i / 2), 0));
+    }
+    btRigidBody& bob = *boxes.back();
+    bob.setWorldTransform(at(-5, 10, 0));
+    bob.setDamping(0, 0);
+    for (const std::unique_ptr<btRigidBody>& box : boxes)
+        world.addRigidBody(box.get());
+    const btVector3 arm(-2, 0, 0);
+    btHingeConstraint hinge(bob, arm, btVector3(0, 0, 1));
+    world.addConstraint(&hinge);
+    const btVector3 anchor = bob.getWorldTransform() * arm;
+
+    double lowest = 10;
+    for (int i = 0; i < 120; ++i) {
+        world.stepSimulation(kDt, 0);
+        lowest = std::min(lowest, static_cast<double>(bob.getWorldTransform().getOrigin().y()));
+        EXPECT_LT((bob.getWorldTransform() * arm - anchor).length(), btScalar(2e-3)) << "step " << i;
+    }
+    for (int i = 0; i < 10; ++i) {
+        const btVector3& place = boxes[static_cast<std::size_t>(i)]->getWorldTransform().getOrigin();
+        EXPECT_NEAR(place.y(), 0.5 + i / 2, 0.01);
+        EXPECT_NEAR(place.x(), i % 2 * 5, 0.01);
+    }
+    EXPECT_NEAR(lowest, 8, 0.03) << "the pendulum's lowest point";
+    world.removeConstraint(&hinge);
+    for (const std::unique_ptr<btRigidBody>& box : boxes)
+        world.removeRigidBody(box.get());
+    world.removeRigidBody(&floor);
+}
+
+TEST(Worlds, DiscreteWithAndWithoutSplitIslands) {
+    for (const bool split : {true, false}) {
+        for (const Landing landing : kLandings) {
+            SCOPED_TRACE(split);
+            TestWorld w(Behind::cairn, btVector3(0, 0, 0), landing);
+            w.world->getSimulationIslandManager()->setSplitIslands(split);
+            standsAndSwings(*w.world);
+            EXPECT_EQ(w.cairn->lastStatus(), CAIRN_OK) << w.cairn->lastError();
+            EXPECT_GE(w.cairn->statistics().islands, 3u) << "one batch";
+        }
+    }
+}
+
+// Whether islands come in one call or many, they are one batch.
+TEST(Worlds, BatchSizeDoesNotMatter) {
+    for (const int size : {1, 128, 1 << 30}) {
+        TestWorld w;
+        w.world->getSolverInfo().m_minimumSolverBatchSize = size;
+        standsAndSwings(*w.world);
+        EXPECT_GE(w.cairn->statistics().islands, 3u) << "batches of " << size;
+    }
+}
+
+// A pool forwards neither prepareSolve() nor allSolved(): each group is solved when it comes.
+TEST(Worlds, MultithreadedWithAPool) {
+    for (const bool exact : {false, true}) {
+        TestWorld parts; // its collision parts
+        cairn_config config = oneThread();
+        std::vector<cairn::bullet::ConstraintSolver*> made;
+        btAlignedObjectArray<btConstraintSolver*> solvers;
+        for (int i = 0; i < 3; ++i) {
+            made.push_back(new cairn::bullet::ConstraintSolver(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT, &config));
+            solvers.push_back(made.back());
+        }
+        btConstraintSolverPoolMt pool(&solvers[0], solvers.size()); // deletes them
+        cairn::bullet::LandingWorld<btDiscreteDynamicsWorldMt> world(&parts.dispatcher, &parts.broadphase, &pool, nullptr,
+                                                                     &parts.configuration);
+        if (exact)
+            for (cairn::bullet::ConstraintSolver* solver : made)
+                world.land(*solver);
+        standsAndSwings(world);
+    }
+}
+
+TEST(Worlds, MultithreadedAsTheSolverOfLargeIslands) {
+    const int before = btSequentialImpulseConstraintSolverMt::s_minimumContactManifoldsForBatching;
+    btSequentialImpulseConstraintSolverMt::s_minimumContactManifoldsForBatching = 4; // a tower is large
+    TestWorld parts;
+    cairn_config config = oneThread();
+    cairn::bullet::ConstraintSolver large(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT, &config);
+    btConstraintSolver* small[] = {new cairn::bullet::ConstraintSolver(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT, &config)};
+    btConstraintSolverPoolMt pool(small, 1);
+    btDiscreteDynamicsWorldMt world(&parts.dispatcher, &parts.broadphase, &pool, &large, &parts.configuration);
+    standsAndSwings(world);
+    EXPECT_GE(large.statistics().manifolds, 5u);
+    btSequentialImpulseConstraintSolverMt::s_minimumContactManifoldsForBatching = before;
+}
+
+TEST(Worlds, SoftRigid) {
+    btSoftBodyRigidBodyCollisionConfiguration configuration;
+    btCollisionDispatcher dispatcher(&configuration);
+    btDbvtBroadphase broadphase;
+    cairn_config config = oneThread();
+    cairn::bullet::ConstraintSolver solver(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT, &config);
+    btSoftRigidDynamicsWorld world(&dispatcher, &broadphase, &solver, &configuration);
+    standsAndSwings(world);
+    EXPECT_EQ(solver.lastStatus(), CAIRN_OK) << solver.lastError();
+}
+
+TEST(Worlds, AMultiBodyWorldIsToldApart) {
+    TestWorld parts;
+    parts.cairn->setErrorCallback([](void*, cairn_status, const char*) {}, nullptr);
+    btMultiBodyConstraintSolver own;
+    btMultiBodyDynamicsWorld world(&parts.dispatcher, &parts.broadphase, &own, &parts.configuration);
+    world.setConstraintSolver(parts.cairn);
+    btSphereShape shape(1);
+    btRigidBody ball(btRigidBody::btRigidBodyConstructionInfo(1, nullptr, &shape, btVector3(1, 1, 1)));
+    world.addRigidBody(&ball);
+    world.stepSimulation(kDt, 0);
+    world.removeRigidBody(&ball);
+    EXPECT_EQ(parts.cairn->lastStatus(), CAIRN_ERROR_UNSUPPORTED);
+    EXPECT_NE(std::string(parts.cairn->lastError()).find("btMultiBodyDynamicsWorld"), std::string::npos) << parts.cairn->lastError();
+}
+
+// ---- Threads ---------------------------------------------------------------------------------------------------------
+
+// Debian's Bullet has no threads of its own, but an application may bring some.
+class Threads : public btITaskScheduler {
+  public:
+    explicit Threads(int count) : btITaskScheduler("threads"), m_count(count) {}
+    int getMaxNumThreads() const override { return m_count; }
+    int getNumThreads() const override { return m_count; }
+    void setNumThreads(int count) override { m_count = count; }
+    void parallelFor(int begin, int end, int, const btIParallelForBody& body) override {
+        ++calls;
+        std::vector<std::thread> threads;
+        for (int i = begin; i < end; ++i)
+            threads.emplace_back([&body, i] { body.forLoop(i, i + 1); });
+        for (std::thread& thread : threads)
+            thread.join();
+    }
+    btScalar parallelSum(int begin, int end, int, const btIParallelSumBody& body) override { return body.sumLoop(begin, end); }
+    int calls = 0;
+
+  private:
+    int m_count;
+};
+
+std::vector<btVector3> wall(const cairn_config& config) {
+    TestWorld w;
+    cairn::bullet::ConstraintSolver solver(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT, &config);
+    w.world->setConstraintSolver(&solver);
+    w.world->getSolverInfo().m_numIterations = 1; // few sweeps: it is bits that count here
+    w.floor();
+    for (int i = 0; i < 300; ++i)
+        w.box(1, btVector3(btScalar(i % 30), btScalar(0.5) + btScalar(i / 30), 0));
+    w.step(3);
+    EXPECT_EQ(solver.lastStatus(), CAIRN_OK) << solver.lastError();
+    EXPECT_EQ(solver.statistics().threads, config.threads);
+    std::vector<btVector3> state;
+    for (const std::unique_ptr<btRigidBody>& body : w.bodies) {
+        state.push_back(body->getWorldTransform().getOrigin());
+        state.push_back(body->getAngularVelocity());
+    }
+    return state;
+}
+
+TEST(Worlds, SweepsRunOnBulletsTaskScheduler) {
+    Threads three(3);
+    const std::vector<btVector3> expected = wall(oneThread());
+    EXPECT_EQ(wall(cairn::bullet::onTaskScheduler(&three)), expected);
+    EXPECT_GT(three.calls, 0);
+    EXPECT_EQ(wall(cairn::bullet::onTaskScheduler(btGetSequentialTaskScheduler())), expected);
+    EXPECT_EQ(cairn::bullet::onTaskScheduler(nullptr).parallel_for, nullptr);
+}
+
+// ---- btContactSolverInfo ---------------------------------------------------------------------------------------------
+
+cairn_params preset(uint32_t method) {
+    cairn_params params = {};
+    params.struct_size = sizeof params;
+    EXPECT_EQ(cairn_params_preset(method, CAIRN_PRESET_DEFAULT, &params), CAIRN_OK);
+    return params;
+}
+
+TEST(Info, DefaultsLeaveThePresetAsItIs) {
+    for (uint32_t method = 0; method < CAIRN_METHOD_COUNT; ++method) {
+        const cairn_params before = preset(method), after = cairn::bullet::fromBullet(btContactSolverInfo(), before);
+        EXPECT_EQ(std::memcmp(&before, &after, sizeof before), 0) << cairn_method_name(method);
+    }
+}
+
+TEST(Info, EachFieldMovesWhatTheTableSays) {
+    const cairn_params usual = preset(CAIRN_METHOD_TJSOFT);
+    const auto moved = [&usual](const std::function<void(btContactSolverInfo&)>& change) {
+        btContactSolverInfo info;
+        change(info);
+        return cairn::bullet::fromBullet(info, usual);
+    };
+    EXPECT_EQ(moved([](btContactSolverInfo& i) { i.m_numIterations = 5; }).iterations, usual.iterations / 2);
+    EXPECT_EQ(moved([](btContactSolverInfo& i) { i.m_numIterations = 0; }).iterations, usual.substeps);
+    EXPECT_EQ(moved([](btContactSolverInfo& i) { i.m_numIterations = 50; }).iterations, usual.iterations);
+    EXPECT_EQ(moved([](btContactSolverInfo& i) { i.m_numIterations = 1000; }).iterations, 1000u);
+    EXPECT_NEAR(moved([](btContactSolverInfo& i) { i.m_erp2 = btScalar(0.1); }).contact_hertz, usual.contact_hertz / 2, 1e-5);
+    EXPECT_EQ(moved([](btContactSolverInfo& i) { i.m_erp2 = btScalar(0.1); }).joint_hertz, usual.joint_hertz);
+    EXPECT_NEAR(moved([](btContactSolverInfo& i) { i.m_erp = btScalar(0.1); }).joint_baumgarte, usual.joint_baumgarte / 2, 1e-6);
+    EXPECT_EQ(moved([](btContactSolverInfo& i) { i.m_erp = 1; }).joint_baumgarte, 1) << "at most all of the error";
+    EXPECT_EQ(moved([](btContactSolverInfo& i) { i.m_solverMode &= ~SOLVER_USE_WARMSTARTING; }).contact_warm_start, 0);
+    EXPECT_NEAR(moved([](btContactSolverInfo& i) { i.m_warmstartingFactor /= 2; }).contact_warm_start, usual.contact_warm_start / 2, 1e-6);
+}
+
+TEST(Info, IsFollowedUntilParametersAreSet) {
+    TestWorld w;
+    w.box(1, btVector3(0, 0, 0));
+    const auto iterations = [&w] {
+        w.step();
+        cairn_params params = {};
+        params.struct_size = sizeof params;
+        EXPECT_EQ(cairn_solver_get_params(w.cairn->handle(), &params), CAIRN_OK);
+        return params.iterations;
+    };
+    w.world->getSolverInfo().m_numIterations = 700;
+    EXPECT_EQ(iterations(), 700u);
+    EXPECT_NE(w.cairn->params().iterations, 700u);
+    cairn_params own = w.cairn->params();
+    own.iterations = 40;
+    ASSERT_EQ(w.cairn->setParams(own), CAIRN_OK);
+    EXPECT_EQ(iterations(), 40u);
+    w.cairn->followInfo(true);
+    EXPECT_EQ(iterations(), 700u);
+    ASSERT_EQ(w.cairn->setMethod(CAIRN_METHOD_TJ), CAIRN_OK);
+    EXPECT_EQ(iterations(), 700u);
+}
+
+TEST(Info, WhatIsNoNumberIsRefused) {
+    TestWorld w;
+    w.cairn->setErrorCallback([](void*, cairn_status, const char*) {}, nullptr);
+    w.box(1, btVector3(0, 0, 0));
+    w.world->getSolverInfo().m_erp2 = std::numeric_limits<btScalar>::quiet_NaN();
+    w.step();
+    EXPECT_EQ(w.cairn->lastStatus(), CAIRN_ERROR_INVALID_ARGUMENT);
+    EXPECT_NE(std::string(w.cairn->lastError()).find("contact_"), std::string::npos) << w.cairn->lastError();
+}
+
+} // namespace
