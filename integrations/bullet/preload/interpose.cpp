@@ -1,0 +1,474 @@
+// libcairn_bullet_preload.so: in a program that is linked to a shared Bullet, puts Cairn in the place of every
+// btSequentialImpulseConstraintSolver. Loaded with LD_PRELOAD (cairn-run does that), its definitions of that class's functions
+// come before Bullet's, and Bullet's own table of virtual functions points to them.
+//
+// It takes over objects whose class is exactly btSequentialImpulseConstraintSolver. Classes derived from it (NNCG, MLCP, the
+// multibody solver, a program's own) reach the same solveGroup(): those go on to Bullet's definition, and are counted.
+//
+// No Bullet header is included: which Bullet, in which precision, is seen at the first call, wherever the program has it from (a
+// plugin that is loaded late, say), and then the half for it is loaded.
+#include "stand_in.h"
+
+#include "settings.h"
+
+#include <cxxabi.h>
+#include <dlfcn.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstddef>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <map>
+#include <mutex>
+#include <string>
+#include <typeinfo>
+#include <unordered_map>
+#include <vector>
+
+using namespace cairn::preload;
+
+#define CAIRN_EXPORT extern "C" __attribute__((visibility("default")))
+#define CAIRN_SOLVE_GROUP                                                                                                                  \
+    "_ZN35btSequentialImpulseConstraintSolver10solveGroupEPP17btCollisionObjectiPP20btPersistentManifoldiPP17btTypedConstraintiRK19"       \
+    "btContactSolverInfoP12btIDebugDrawP12btDispatcher"
+#define CAIRN_RESET "_ZN35btSequentialImpulseConstraintSolver5resetEv"
+#define CAIRN_DESTROY_COMPLETE "_ZN35btSequentialImpulseConstraintSolverD1Ev"
+#define CAIRN_DESTROY_BASE "_ZN35btSequentialImpulseConstraintSolverD2Ev"
+#define CAIRN_DESTROY_DELETE "_ZN35btSequentialImpulseConstraintSolverD0Ev"
+#define CAIRN_PREPARE_SOLVE "_ZN18btConstraintSolver12prepareSolveEii"
+#define CAIRN_ALL_SOLVED "_ZN18btConstraintSolver9allSolvedERK19btContactSolverInfoP12btIDebugDraw"
+#define CAIRN_STEP_FLOAT "_ZN23btDiscreteDynamicsWorld28internalSingleStepSimulationEf"
+#define CAIRN_STEP_DOUBLE "_ZN23btDiscreteDynamicsWorld28internalSingleStepSimulationEd"
+
+// A btScalar comes back in the register of a double: a float is its lower half, on x86-64 and AArch64 alike.
+CAIRN_EXPORT double cairn_solve_group(void*, void**, int, void**, int, void**, int, const void*, void*, void*) __asm__(CAIRN_SOLVE_GROUP);
+CAIRN_EXPORT void cairn_reset(void*) __asm__(CAIRN_RESET);
+CAIRN_EXPORT void cairn_destroy_complete(void*) __asm__(CAIRN_DESTROY_COMPLETE);
+CAIRN_EXPORT void cairn_destroy_base(void*) __asm__(CAIRN_DESTROY_BASE);
+CAIRN_EXPORT void cairn_destroy_delete(void*) __asm__(CAIRN_DESTROY_DELETE);
+CAIRN_EXPORT void cairn_prepare_solve(void*, int, int) __asm__(CAIRN_PREPARE_SOLVE);
+CAIRN_EXPORT void cairn_all_solved(void*, const void*, void*) __asm__(CAIRN_ALL_SOLVED);
+CAIRN_EXPORT void cairn_step_float(void*, float) __asm__(CAIRN_STEP_FLOAT);
+CAIRN_EXPORT void cairn_step_double(void*, double) __asm__(CAIRN_STEP_DOUBLE);
+
+namespace {
+
+constexpr const char* kClass = "35btSequentialImpulseConstraintSolver"; // as typeid gives it
+using SolveGroup = double (*)(void*, void**, int, void**, int, void**, int, const void*, void*, void*);
+using OfThis = void (*)(void*);
+using PrepareSolve = void (*)(void*, int, int);
+using AllSolved = void (*)(void*, const void*, void*);
+
+double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+// ---- What is known ---------------------------------------------------------------------------------------------------
+
+struct Series { // of one figure a step
+    std::vector<float> values;
+    void add(double value) { values.push_back(static_cast<float>(value)); }
+    double most() const { return values.empty() ? 0 : static_cast<double>(*std::max_element(values.begin(), values.end())); }
+    double median() {
+        if (values.empty())
+            return 0;
+        const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+        std::nth_element(values.begin(), middle, values.end());
+        return static_cast<double>(*middle);
+    }
+};
+
+struct Bullet { // a Bullet library in this process
+    std::string name;
+    const char* precision = "";
+    const StandIn* half = nullptr; // NULL: not taken over
+    std::string why;
+};
+
+struct Instance { // a solver of the program's
+    const Bullet* bullet = nullptr;
+    void* solver = nullptr;          // NULL: left to Bullet, which is measured
+    SolveGroup solveGroup = nullptr; // Bullet's
+    bool batches = false;            // prepareSolve() and allSolved() reach us
+};
+
+struct State {
+    std::mutex mutex;
+    Settings settings;
+    std::string badSettings;
+    std::map<const void*, Bullet> bullets; // by the address of their solveGroup()
+    std::unordered_map<const void*, Instance> instances;
+    std::map<std::string, uint64_t> leftToBullet; // calls, by class
+    std::string noSolver;                         // why none could be made
+    uint64_t solvers = 0;
+    uint64_t steps = 0;
+    double solverSeconds = 0;
+    double stepSeconds = 0;
+    Record total = {};
+    // Of the step at hand (of all worlds that step at once).
+    Record step = {};
+    double stepSolverSeconds = 0;
+    bool solved = false;
+    Series residual, deepest, widest, milliseconds;
+};
+
+// Never destroyed: the program's solvers may outlive every order of destruction.
+State& state() {
+    static State& made = *[] {
+        State* fresh = new State;
+        if (!readSettings(fresh->settings, fresh->badSettings))
+            std::fprintf(stderr, "cairn: %s; Bullet's own solver goes on\n", fresh->badSettings.c_str());
+        return fresh;
+    }();
+    return made;
+}
+
+const void* const* tableOf(const void* object) { return *static_cast<const void* const* const*>(object); }
+
+const char* className(const void* object) { return static_cast<const std::type_info*>(tableOf(object)[-1])->name(); }
+
+bool isExactly(const void* object) { return std::strcmp(className(object), kClass) == 0; }
+
+// Bullet's definition of a function: that of the library that the object's class lives in, or the next one after ours.
+void* original(const char* name, const void* object, const void* ours) {
+    void* found = nullptr;
+    Dl_info info;
+    if (dladdr(tableOf(object), &info) != 0 && info.dli_fname != nullptr) {
+        if (void* library = dlopen(info.dli_fname, RTLD_LAZY | RTLD_NOLOAD)) {
+            found = dlsym(library, name);
+            dlclose(library);
+        }
+    }
+    if (found == nullptr || found == ours)
+        found = dlsym(RTLD_NEXT, name);
+    return found == ours ? nullptr : found;
+}
+
+// ---- Bullet's library, and the half for it ---------------------------------------------------------------------------
+
+std::string fileOf(const void* address) {
+    Dl_info info;
+    if (dladdr(address, &info) == 0 || info.dli_fname == nullptr)
+        return "";
+    char* real = realpath(info.dli_fname, nullptr);
+    const std::string path = real != nullptr ? real : info.dli_fname;
+    std::free(real);
+    return path;
+}
+
+// The half beside this library, or in cairn/ below.
+const StandIn* loadHalf(const std::string& precision, std::string& why) {
+    const std::string self = fileOf(reinterpret_cast<const void*>(&loadHalf));
+    const std::string folder = self.substr(0, self.rfind('/') + 1), name = "libcairn_bullet_" + precision + ".so";
+    std::string path = folder + "cairn/" + name;
+    if (access(path.c_str(), R_OK) != 0)
+        path = folder + name;
+    if (access(path.c_str(), R_OK) != 0) {
+        why = name + " is not there: Cairn was built without Bullet's headers for this precision";
+        return nullptr;
+    }
+    void* library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+    void* symbol = library != nullptr ? dlsym(library, kStandInSymbol) : nullptr;
+    if (symbol == nullptr) {
+        why = dlerror();
+        return nullptr;
+    }
+    return reinterpret_cast<StandInFunction>(symbol)();
+}
+
+// Called with the mutex held.
+const Bullet& bulletOf(const void* solveGroup) {
+    const auto known = state().bullets.find(solveGroup);
+    if (known != state().bullets.end())
+        return known->second;
+    Bullet& bullet = state().bullets[solveGroup];
+    const std::string path = fileOf(solveGroup);
+    bullet.name = path.substr(path.rfind('/') + 1);
+    if (!state().badSettings.empty()) {
+        bullet.why = state().badSettings;
+        return bullet;
+    }
+    if (state().bullets.size() > 1) {
+        bullet.why = "a second Bullet in this process";
+        return bullet;
+    }
+    // The half's references are met by what is global, so make the program's Bullet that, and the libraries that it needs.
+    void* library = dlopen(path.c_str(), RTLD_LAZY | RTLD_NOLOAD | RTLD_GLOBAL);
+    if (library == nullptr) {
+        bullet.why = "it is not a shared library of its own";
+        return bullet;
+    }
+    const bool isFloat = dlsym(library, CAIRN_STEP_FLOAT) != nullptr, isDouble = dlsym(library, CAIRN_STEP_DOUBLE) != nullptr;
+    if (isFloat == isDouble) {
+        bullet.why = "cannot tell its precision";
+        return bullet;
+    }
+    bullet.precision = isFloat ? "float" : "double";
+    const std::string ending = ".so." CAIRN_BULLET_VERSION;
+    if (bullet.name.size() < ending.size() || bullet.name.compare(bullet.name.size() - ending.size(), ending.size(), ending) != 0) {
+        bullet.why = "Cairn was built for Bullet " CAIRN_BULLET_VERSION;
+        return bullet;
+    }
+    if (dlsym(library, CAIRN_SOLVE_GROUP) != solveGroup) {
+        bullet.why = "its solveGroup() is another library's";
+        return bullet;
+    }
+    bullet.half = loadHalf(bullet.precision, bullet.why);
+    return bullet;
+}
+
+// ---- Instances -------------------------------------------------------------------------------------------------------
+
+// The slots of btConstraintSolver's table of virtual functions.
+enum Slot { kSlotPrepareSolve = 2, kSlotSolveGroup = 3, kSlotAllSolved = 4 };
+
+// What stands in for the program's solver; made at its first use.
+Instance& instanceOf(void* object) {
+    State& s = state();
+    const std::lock_guard<std::mutex> lock(s.mutex);
+    const auto known = s.instances.find(object);
+    if (known != s.instances.end())
+        return known->second; // stays where it is when others come and go
+    Instance& instance = s.instances[object];
+    ++s.solvers;
+    instance.solveGroup = reinterpret_cast<SolveGroup>(original(CAIRN_SOLVE_GROUP, object, reinterpret_cast<void*>(&cairn_solve_group)));
+    instance.bullet = &bulletOf(reinterpret_cast<const void*>(instance.solveGroup));
+    if (instance.bullet->half == nullptr || s.settings.stock)
+        return instance;
+    const char* why = "";
+    instance.solver = instance.bullet->half->create(&why);
+    if (instance.solver == nullptr)
+        s.noSolver = why;
+    // A program that compiles functions of btConstraintSolver itself may have put its own there.
+    const void* const* table = tableOf(object);
+    instance.batches = table[kSlotPrepareSolve] == reinterpret_cast<const void*>(&cairn_prepare_solve) &&
+                       table[kSlotAllSolved] == reinterpret_cast<const void*>(&cairn_all_solved);
+    return instance;
+}
+
+void forget(void* object) {
+    Instance gone;
+    {
+        const std::lock_guard<std::mutex> lock(state().mutex);
+        const auto known = state().instances.find(object);
+        if (known == state().instances.end())
+            return;
+        gone = known->second;
+        state().instances.erase(known);
+    }
+    if (gone.solver != nullptr)
+        gone.bullet->half->destroy(gone.solver);
+}
+
+void count(const Record& record, double seconds) {
+    State& s = state();
+    const std::lock_guard<std::mutex> lock(s.mutex);
+    Record& step = s.step;
+    step.solves += record.solves;
+    step.failures += record.failures;
+    step.bodies += record.bodies;
+    step.contacts += record.contacts;
+    step.joints += record.joints;
+    step.rows += record.rows;
+    if (record.solves > 0) {
+        step.method = record.method;
+        step.iterations = record.iterations;
+        step.substeps = record.substeps;
+    }
+    step.residual = std::max(step.residual, record.residual);
+    step.deepest = std::max(step.deepest, record.deepest);
+    step.widest = std::max(step.widest, record.widest);
+    s.solverSeconds += seconds;
+    s.stepSolverSeconds += seconds;
+    s.solved = true;
+}
+
+void endStep(double seconds) {
+    State& s = state();
+    const std::lock_guard<std::mutex> lock(s.mutex);
+    if (!s.solved) // a world without such a solver
+        return;
+    ++s.steps;
+    s.stepSeconds += seconds;
+    s.total.solves += s.step.solves;
+    s.total.failures += s.step.failures;
+    s.total.bodies += s.step.bodies;
+    s.total.contacts += s.step.contacts;
+    s.total.joints += s.step.joints;
+    s.total.rows += s.step.rows;
+    if (s.step.solves > 0) {
+        s.total.method = s.step.method;
+        s.total.iterations = s.step.iterations;
+        s.total.substeps = s.step.substeps;
+    }
+    if (s.settings.all) {
+        s.residual.add(s.step.residual);
+        s.deepest.add(s.step.deepest);
+        s.widest.add(s.step.widest);
+        s.milliseconds.add(1e3 * s.stepSolverSeconds);
+    }
+    s.step = Record();
+    s.stepSolverSeconds = 0;
+    s.solved = false;
+}
+
+template <class Scalar> void step(void* world, Scalar dt, const char* name, void (*ours)(void*, Scalar)) {
+    const auto next = reinterpret_cast<void (*)(void*, Scalar)>(original(name, world, reinterpret_cast<void*>(ours)));
+    const double begin = now();
+    next(world, dt);
+    endStep(now() - begin);
+}
+
+void callNext(const char* name, void* object, void (*ours)(void*)) {
+    if (const auto next = reinterpret_cast<OfThis>(original(name, object, reinterpret_cast<void*>(ours))))
+        next(object);
+}
+
+// ---- The report ------------------------------------------------------------------------------------------------------
+
+std::string readable(const std::string& type) {
+    int status = 0;
+    char* name = abi::__cxa_demangle(type.c_str(), nullptr, nullptr, &status);
+    const std::string text = name != nullptr ? name : type;
+    std::free(name);
+    return text;
+}
+
+double each(uint64_t sum, uint64_t steps) { return static_cast<double>(sum) / static_cast<double>(steps); }
+
+void reportSteps(State& s) {
+    const double steps = static_cast<double>(s.steps);
+    const bool cairn = s.total.solves > 0;
+    char what[160];
+    if (cairn)
+        std::snprintf(what, sizeof what, "%s, %u iterations in %u substep%s", cairn_method_name(s.total.method), s.total.iterations,
+                      s.total.substeps, s.total.substeps == 1 ? "" : "s");
+    else
+        std::snprintf(what, sizeof what, "Bullet's own solver");
+    std::fprintf(stderr, "cairn: %s: %llu steps, solver %.3f ms of %.3f ms a step (%.0f %%)\n", what,
+                 static_cast<unsigned long long>(s.steps), 1e3 * s.solverSeconds / steps, 1e3 * s.stepSeconds / steps,
+                 100 * s.solverSeconds / s.stepSeconds);
+    if (s.total.failures > 0)
+        std::fprintf(stderr, "cairn: %llu solves were refused: the bodies of those steps moved without constraints\n",
+                     static_cast<unsigned long long>(s.total.failures));
+    if (!s.settings.all)
+        return;
+    std::fprintf(stderr, "  solvers          %llu\n", static_cast<unsigned long long>(s.solvers));
+    if (cairn)
+        std::fprintf(stderr, "  a step           %.1f bodies, %.1f contacts, %.1f joints, %.1f rows\n", each(s.total.bodies, s.steps),
+                     each(s.total.contacts, s.steps), each(s.total.joints, s.steps), each(s.total.rows, s.steps));
+    std::fprintf(stderr, "  solver           median %.3f ms, longest %.3f ms\n", s.milliseconds.median(), s.milliseconds.most());
+    std::fprintf(stderr, "  deepest contact  median %.3f mm, worst %.3f mm\n", 1e3 * s.deepest.median(), 1e3 * s.deepest.most());
+    std::fprintf(stderr, "  widest joint gap median %.3f mm, worst %.3f mm (ball and hinge)\n", 1e3 * s.widest.median(),
+                 1e3 * s.widest.most());
+    if (cairn)
+        std::fprintf(stderr, "  residual         median %.2e, worst %.2e sqrt(J), of the last sweep\n", s.residual.median(),
+                     s.residual.most());
+}
+
+__attribute__((destructor)) void report() {
+    State& s = state();
+    const std::lock_guard<std::mutex> lock(s.mutex);
+    if (!s.settings.summary)
+        return;
+    for (const auto& entry : s.bullets)
+        if (!entry.second.why.empty())
+            std::fprintf(stderr, "cairn: Bullet's own solver was left in place: %s: %s\n", entry.second.name.c_str(),
+                         entry.second.why.c_str());
+    if (!s.noSolver.empty())
+        std::fprintf(stderr, "cairn: Bullet's own solver was left in place: %s\n", s.noSolver.c_str());
+    if (s.steps > 0)
+        reportSteps(s);
+    for (const auto& entry : s.leftToBullet)
+        std::fprintf(stderr, "cairn: %llu calls of solveGroup of %s were left to Bullet\n", static_cast<unsigned long long>(entry.second),
+                     readable(entry.first).c_str());
+    const char* pid = variable("CAIRN_RUN_PID"); // the program itself, not one that it has started
+    if (s.solvers == 0 && s.leftToBullet.empty() && pid != nullptr && std::to_string(getpid()) == pid)
+        std::fprintf(stderr, "cairn: no btSequentialImpulseConstraintSolver was called\n");
+}
+
+} // namespace
+
+// ---- In the place of Bullet's ----------------------------------------------------------------------------------------
+
+double cairn_solve_group(void* self, void** bodies, int bodyCount, void** manifolds, int manifoldCount, void** constraints,
+                         int constraintCount, const void* info, void* drawer, void* dispatcher) {
+    State& s = state();
+    if (!isExactly(self)) {
+        const auto next = reinterpret_cast<SolveGroup>(original(CAIRN_SOLVE_GROUP, self, reinterpret_cast<void*>(&cairn_solve_group)));
+        {
+            const std::lock_guard<std::mutex> lock(s.mutex);
+            ++s.leftToBullet[className(self)];
+        }
+        return next(self, bodies, bodyCount, manifolds, manifoldCount, constraints, constraintCount, info, drawer, dispatcher);
+    }
+    const Instance& instance = instanceOf(self);
+    const Group group = {bodies, bodyCount, manifolds, manifoldCount, constraints, constraintCount, info, drawer, dispatcher};
+    Record record = {};
+    if (s.settings.all && instance.bullet->half != nullptr)
+        instance.bullet->half->measure(group, record);
+    const double begin = now();
+    double result = 0;
+    if (instance.solver != nullptr)
+        instance.bullet->half->solve(instance.solver, group, record);
+    else
+        result =
+            instance.solveGroup(self, bodies, bodyCount, manifolds, manifoldCount, constraints, constraintCount, info, drawer, dispatcher);
+    count(record, now() - begin);
+    return result;
+}
+
+void cairn_prepare_solve(void* self, int bodies, int manifolds) {
+    if (isExactly(self)) {
+        const Instance& instance = instanceOf(self);
+        if (instance.solver != nullptr && instance.batches)
+            return instance.bullet->half->prepare(instance.solver, bodies, manifolds);
+    }
+    if (const auto next =
+            reinterpret_cast<PrepareSolve>(original(CAIRN_PREPARE_SOLVE, self, reinterpret_cast<void*>(&cairn_prepare_solve))))
+        next(self, bodies, manifolds);
+}
+
+void cairn_all_solved(void* self, const void* info, void* drawer) {
+    if (isExactly(self)) {
+        const Instance& instance = instanceOf(self);
+        if (instance.solver != nullptr && instance.batches) {
+            Record record = {};
+            const double begin = now();
+            instance.bullet->half->allSolved(instance.solver, info, drawer, record);
+            return count(record, now() - begin);
+        }
+    }
+    if (const auto next = reinterpret_cast<AllSolved>(original(CAIRN_ALL_SOLVED, self, reinterpret_cast<void*>(&cairn_all_solved))))
+        next(self, info, drawer);
+}
+
+void cairn_reset(void* self) {
+    if (isExactly(self)) {
+        const Instance& instance = instanceOf(self);
+        if (instance.solver != nullptr)
+            instance.bullet->half->reset(instance.solver);
+    }
+    callNext(CAIRN_RESET, self, &cairn_reset);
+}
+
+// The next solver may be made at the same address.
+void cairn_destroy_complete(void* self) {
+    forget(self);
+    callNext(CAIRN_DESTROY_COMPLETE, self, &cairn_destroy_complete);
+}
+
+void cairn_destroy_base(void* self) {
+    forget(self);
+    callNext(CAIRN_DESTROY_BASE, self, &cairn_destroy_base);
+}
+
+void cairn_destroy_delete(void* self) {
+    forget(self);
+    callNext(CAIRN_DESTROY_DELETE, self, &cairn_destroy_delete);
+}
+
+void cairn_step_float(void* world, float dt) { step(world, dt, CAIRN_STEP_FLOAT, &cairn_step_float); }
+
+void cairn_step_double(void* world, double dt) { step(world, dt, CAIRN_STEP_DOUBLE, &cairn_step_double); }

@@ -1,0 +1,137 @@
+// A half of the preload library: cairn::bullet::ConstraintSolver in the precision of the program's Bullet. Its references to
+// Bullet are met by the Bullet that the program has loaded, so it is linked to none.
+#include "stand_in.h"
+
+#include "settings.h"
+
+#include <cairn/bullet.hpp>
+
+#include <btBulletDynamicsCommon.h>
+
+#include <cmath>
+#include <memory>
+#include <new>
+
+namespace cairn {
+namespace preload {
+namespace {
+
+static_assert(BT_BULLET_VERSION == CAIRN_BULLET_MAJOR * 100 + CAIRN_BULLET_MINOR, "the headers are of the version that CMake found");
+
+struct Solver {
+    explicit Solver(const Settings& settings) : cairn(settings.method, settings.preset, &settings.config) {}
+    bullet::ConstraintSolver cairn;
+    bool collecting = false;
+};
+
+Solver& of(void* solver) { return *static_cast<Solver*>(solver); }
+
+void* create(const char** why) {
+    static std::string& reason = *new std::string;
+    Settings settings;
+    if (!readSettings(settings, reason)) {
+        *why = reason.c_str();
+        return nullptr;
+    }
+    std::unique_ptr<Solver> made(new (std::nothrow) Solver(settings));
+    if (!made || made->cairn.lastStatus() != CAIRN_OK || made->cairn.setParams(settings.params) != CAIRN_OK) {
+        reason = made ? made->cairn.lastError() : "no memory";
+        *why = reason.c_str();
+        return nullptr;
+    }
+    made->cairn.followInfo(!settings.own);
+    return made.release();
+}
+
+void destroy(void* solver) { delete static_cast<Solver*>(solver); }
+
+void prepare(void* solver, int bodies, int manifolds) {
+    of(solver).collecting = true;
+    of(solver).cairn.prepareSolve(bodies, manifolds);
+}
+
+void note(const Solver& solver, Record& record) {
+    if (solver.cairn.lastStatus() != CAIRN_OK) {
+        ++record.failures;
+        return;
+    }
+    const cairn_statistics s = solver.cairn.statistics();
+    ++record.solves;
+    record.bodies += s.bodies;
+    record.contacts += s.contacts;
+    record.joints += s.joints;
+    record.rows += s.rows;
+    record.method = solver.cairn.params().method;
+    record.iterations = s.iterations;
+    record.substeps = s.substeps;
+    record.residual = s.residual;
+}
+
+void solve(void* solver, const Group& group, Record& record) {
+    Solver& s = of(solver);
+    s.cairn.solveGroup(reinterpret_cast<btCollisionObject**>(group.bodies), group.bodyCount,
+                       reinterpret_cast<btPersistentManifold**>(group.manifolds), group.manifoldCount,
+                       reinterpret_cast<btTypedConstraint**>(group.constraints), group.constraintCount,
+                       *static_cast<const btContactSolverInfo*>(group.info), static_cast<btIDebugDraw*>(group.drawer),
+                       static_cast<btDispatcher*>(group.dispatcher));
+    if (!s.collecting && group.bodyCount + group.manifoldCount + group.constraintCount > 0)
+        note(s, record);
+}
+
+void allSolved(void* solver, const void* info, void* drawer, Record& record) {
+    Solver& s = of(solver);
+    s.collecting = false;
+    s.cairn.allSolved(*static_cast<const btContactSolverInfo*>(info), static_cast<btIDebugDraw*>(drawer));
+    note(s, record);
+}
+
+void reset(void* solver) { of(solver).cairn.reset(); }
+
+double gap(const btTypedConstraint& constraint) {
+    btVector3 a, b;
+    switch (constraint.getConstraintType()) {
+    case POINT2POINT_CONSTRAINT_TYPE: {
+        const btPoint2PointConstraint& joint = static_cast<const btPoint2PointConstraint&>(constraint);
+        a = joint.getPivotInA();
+        b = joint.getPivotInB();
+        break;
+    }
+    case HINGE_CONSTRAINT_TYPE: {
+        const btHingeConstraint& joint = static_cast<const btHingeConstraint&>(constraint);
+        a = joint.getAFrame().getOrigin();
+        b = joint.getBFrame().getOrigin();
+        break;
+    }
+    default:
+        return 0;
+    }
+    a = constraint.getRigidBodyA().getCenterOfMassTransform() * a;
+    b = constraint.getRigidBodyB().getCenterOfMassTransform() * b;
+    return static_cast<double>((a - b).length());
+}
+
+void measure(const Group& group, Record& record) {
+    btDispatcher* dispatcher = static_cast<btDispatcher*>(group.dispatcher);
+    for (int i = 0; i < group.manifoldCount; ++i) {
+        const btPersistentManifold& manifold = *static_cast<btPersistentManifold*>(group.manifolds[i]);
+        if (dispatcher && !dispatcher->needsResponse(manifold.getBody0(), manifold.getBody1()))
+            continue;
+        for (int k = 0; k < manifold.getNumContacts(); ++k)
+            record.deepest = std::fmax(record.deepest, -static_cast<double>(manifold.getContactPoint(k).getDistance()));
+    }
+    for (int i = 0; i < group.constraintCount; ++i) {
+        const btTypedConstraint& constraint = *static_cast<btTypedConstraint*>(group.constraints[i]);
+        if (constraint.isEnabled())
+            record.widest = std::fmax(record.widest, gap(constraint));
+    }
+}
+
+} // namespace
+} // namespace preload
+} // namespace cairn
+
+extern "C" __attribute__((visibility("default"))) const cairn::preload::StandIn* cairn_bullet_stand_in() {
+    using namespace cairn::preload;
+    static const StandIn standIn = {create, destroy, prepare, solve, allSolved, reset, measure};
+    return &standIn;
+}

@@ -1,0 +1,2 @@
+extern "C" int old_bullet();
+int main() { return old_bullet(); }
