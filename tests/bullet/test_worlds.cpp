@@ -73,20 +73,18 @@ void standsAndSwings(btDiscreteDynamicsWorld& world) {
 
 TEST(Worlds, DiscreteWithAndWithoutSplitIslands) {
     for (const bool split : {true, false}) {
-        for (const Landing landing : kLandings) {
-            SCOPED_TRACE(split);
-            TestWorld w(Behind::cairn, btVector3(0, 0, 0), landing);
-            w.world->getSimulationIslandManager()->setSplitIslands(split);
-            standsAndSwings(*w.world);
-            EXPECT_EQ(w.cairn->lastStatus(), CAIRN_OK) << w.cairn->lastError();
-            EXPECT_GE(w.cairn->statistics().islands, 3u) << "one batch";
-        }
+        SCOPED_TRACE(split);
+        TestWorld w(Behind::cairn, btVector3(0, 0, 0), split ? Landing::action : Landing::mixin);
+        w.world->getSimulationIslandManager()->setSplitIslands(split);
+        standsAndSwings(*w.world);
+        EXPECT_EQ(w.cairn->lastStatus(), CAIRN_OK) << w.cairn->lastError();
+        EXPECT_GE(w.cairn->statistics().islands, 3u) << "one batch";
     }
 }
 
 // Whether islands come in one call or many, they are one batch.
 TEST(Worlds, BatchSizeDoesNotMatter) {
-    for (const int size : {1, 128, 1 << 30}) {
+    for (const int size : {1, 1 << 30}) {
         TestWorld w;
         w.world->getSolverInfo().m_minimumSolverBatchSize = size;
         standsAndSwings(*w.world);

@@ -38,8 +38,6 @@ using namespace cairn::preload;
 #define CAIRN_DESTROY_COMPLETE "_ZN35btSequentialImpulseConstraintSolverD1Ev"
 #define CAIRN_DESTROY_BASE "_ZN35btSequentialImpulseConstraintSolverD2Ev"
 #define CAIRN_DESTROY_DELETE "_ZN35btSequentialImpulseConstraintSolverD0Ev"
-#define CAIRN_PREPARE_SOLVE "_ZN18btConstraintSolver12prepareSolveEii"
-#define CAIRN_ALL_SOLVED "_ZN18btConstraintSolver9allSolvedERK19btContactSolverInfoP12btIDebugDraw"
 #define CAIRN_STEP_FLOAT "_ZN23btDiscreteDynamicsWorld28internalSingleStepSimulationEf"
 #define CAIRN_STEP_DOUBLE "_ZN23btDiscreteDynamicsWorld28internalSingleStepSimulationEd"
 
@@ -49,8 +47,6 @@ CAIRN_EXPORT void cairn_reset(void*) __asm__(CAIRN_RESET);
 CAIRN_EXPORT void cairn_destroy_complete(void*) __asm__(CAIRN_DESTROY_COMPLETE);
 CAIRN_EXPORT void cairn_destroy_base(void*) __asm__(CAIRN_DESTROY_BASE);
 CAIRN_EXPORT void cairn_destroy_delete(void*) __asm__(CAIRN_DESTROY_DELETE);
-CAIRN_EXPORT void cairn_prepare_solve(void*, int, int) __asm__(CAIRN_PREPARE_SOLVE);
-CAIRN_EXPORT void cairn_all_solved(void*, const void*, void*) __asm__(CAIRN_ALL_SOLVED);
 CAIRN_EXPORT void cairn_step_float(void*, float) __asm__(CAIRN_STEP_FLOAT);
 CAIRN_EXPORT void cairn_step_double(void*, double) __asm__(CAIRN_STEP_DOUBLE);
 
@@ -59,8 +55,6 @@ namespace {
 constexpr const char* kClass = "35btSequentialImpulseConstraintSolver"; // as typeid gives it
 using SolveGroup = double (*)(void*, void**, int, void**, int, void**, int, const void*, void*, void*);
 using OfThis = void (*)(void*);
-using PrepareSolve = void (*)(void*, int, int);
-using AllSolved = void (*)(void*, const void*, void*);
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -90,7 +84,6 @@ struct Instance { // a solver of the program's
     const Bullet* bullet = nullptr;
     void* solver = nullptr;          // NULL: left to Bullet, which is measured
     SolveGroup solveGroup = nullptr; // Bullet's
-    bool batches = false;            // prepareSolve() and allSolved() reach us
 };
 
 struct State {
@@ -110,6 +103,7 @@ struct State {
     Record step = {};
     double stepSolverSeconds = 0;
     bool solved = false;
+    int stepping = 0; // calls of Bullet's step that are under way
     Series residual, deepest, widest, milliseconds;
 };
 
@@ -220,9 +214,6 @@ const Bullet& bulletOf(const void* solveGroup) {
 
 // ---- Instances -------------------------------------------------------------------------------------------------------
 
-// The slots of btConstraintSolver's table of virtual functions.
-enum Slot { kSlotPrepareSolve = 2, kSlotSolveGroup = 3, kSlotAllSolved = 4 };
-
 // What stands in for the program's solver; made at its first use.
 Instance& instanceOf(void* object) {
     State& s = state();
@@ -240,10 +231,6 @@ Instance& instanceOf(void* object) {
     instance.solver = instance.bullet->half->create(&why);
     if (instance.solver == nullptr)
         s.noSolver = why;
-    // A program that compiles functions of btConstraintSolver itself may have put its own there.
-    const void* const* table = tableOf(object);
-    instance.batches = table[kSlotPrepareSolve] == reinterpret_cast<const void*>(&cairn_prepare_solve) &&
-                       table[kSlotAllSolved] == reinterpret_cast<const void*>(&cairn_all_solved);
     return instance;
 }
 
@@ -260,6 +247,8 @@ void forget(void* object) {
     if (gone.solver != nullptr)
         gone.bullet->half->destroy(gone.solver);
 }
+
+void endStep(State& s, double seconds);
 
 void count(const Record& record, double seconds) {
     State& s = state();
@@ -282,11 +271,12 @@ void count(const Record& record, double seconds) {
     s.solverSeconds += seconds;
     s.stepSolverSeconds += seconds;
     s.solved = true;
+    if (s.stepping == 0) // a world that steps in its own way
+        endStep(s, 0);
 }
 
-void endStep(double seconds) {
-    State& s = state();
-    const std::lock_guard<std::mutex> lock(s.mutex);
+// With the mutex held.
+void endStep(State& s, double seconds) {
     if (!s.solved) // a world without such a solver
         return;
     ++s.steps;
@@ -315,9 +305,17 @@ void endStep(double seconds) {
 
 template <class Scalar> void step(void* world, Scalar dt, const char* name, void (*ours)(void*, Scalar)) {
     const auto next = reinterpret_cast<void (*)(void*, Scalar)>(original(name, world, reinterpret_cast<void*>(ours)));
+    State& s = state();
+    {
+        const std::lock_guard<std::mutex> lock(s.mutex);
+        ++s.stepping;
+    }
     const double begin = now();
     next(world, dt);
-    endStep(now() - begin);
+    const double seconds = now() - begin;
+    const std::lock_guard<std::mutex> lock(s.mutex);
+    --s.stepping;
+    endStep(s, seconds);
 }
 
 void callNext(const char* name, void* object, void (*ours)(void*)) {
@@ -346,9 +344,13 @@ void reportSteps(State& s) {
                       s.total.substeps, s.total.substeps == 1 ? "" : "s");
     else
         std::snprintf(what, sizeof what, "Bullet's own solver");
-    std::fprintf(stderr, "cairn: %s: %llu steps, solver %.3f ms of %.3f ms a step (%.0f %%)\n", what,
-                 static_cast<unsigned long long>(s.steps), 1e3 * s.solverSeconds / steps, 1e3 * s.stepSeconds / steps,
-                 100 * s.solverSeconds / s.stepSeconds);
+    const auto count = static_cast<unsigned long long>(s.steps);
+    const double solver = 1e3 * s.solverSeconds / steps;
+    if (s.stepSeconds > 0)
+        std::fprintf(stderr, "cairn: %s: %llu steps, solver %.3f ms of %.3f ms a step (%.0f %%)\n", what, count, solver,
+                     1e3 * s.stepSeconds / steps, 100 * s.solverSeconds / s.stepSeconds);
+    else
+        std::fprintf(stderr, "cairn: %s: %llu solves of %.3f ms\n", what, count, solver);
     if (s.total.failures > 0)
         std::fprintf(stderr, "cairn: %llu solves were refused: the bodies of those steps moved without constraints\n",
                      static_cast<unsigned long long>(s.total.failures));
@@ -356,8 +358,9 @@ void reportSteps(State& s) {
         return;
     std::fprintf(stderr, "  solvers          %llu\n", static_cast<unsigned long long>(s.solvers));
     if (cairn)
-        std::fprintf(stderr, "  a step           %.1f bodies, %.1f contacts, %.1f joints, %.1f rows\n", each(s.total.bodies, s.steps),
-                     each(s.total.contacts, s.steps), each(s.total.joints, s.steps), each(s.total.rows, s.steps));
+        std::fprintf(stderr, "  a step           %.2f solves, %.1f bodies, %.1f contacts, %.1f joints, %.1f rows\n",
+                     each(s.total.solves, s.steps), each(s.total.bodies, s.steps), each(s.total.contacts, s.steps),
+                     each(s.total.joints, s.steps), each(s.total.rows, s.steps));
     std::fprintf(stderr, "  solver           median %.3f ms, longest %.3f ms\n", s.milliseconds.median(), s.milliseconds.most());
     std::fprintf(stderr, "  deepest contact  median %.3f mm, worst %.3f mm\n", 1e3 * s.deepest.median(), 1e3 * s.deepest.most());
     std::fprintf(stderr, "  widest joint gap median %.3f mm, worst %.3f mm (ball and hinge)\n", 1e3 * s.widest.median(),
@@ -415,33 +418,9 @@ double cairn_solve_group(void* self, void** bodies, int bodyCount, void** manifo
     else
         result =
             instance.solveGroup(self, bodies, bodyCount, manifolds, manifoldCount, constraints, constraintCount, info, drawer, dispatcher);
-    count(record, now() - begin);
+    if (bodyCount + manifoldCount + constraintCount > 0)
+        count(record, now() - begin);
     return result;
-}
-
-void cairn_prepare_solve(void* self, int bodies, int manifolds) {
-    if (isExactly(self)) {
-        const Instance& instance = instanceOf(self);
-        if (instance.solver != nullptr && instance.batches)
-            return instance.bullet->half->prepare(instance.solver, bodies, manifolds);
-    }
-    if (const auto next =
-            reinterpret_cast<PrepareSolve>(original(CAIRN_PREPARE_SOLVE, self, reinterpret_cast<void*>(&cairn_prepare_solve))))
-        next(self, bodies, manifolds);
-}
-
-void cairn_all_solved(void* self, const void* info, void* drawer) {
-    if (isExactly(self)) {
-        const Instance& instance = instanceOf(self);
-        if (instance.solver != nullptr && instance.batches) {
-            Record record = {};
-            const double begin = now();
-            instance.bullet->half->allSolved(instance.solver, info, drawer, record);
-            return count(record, now() - begin);
-        }
-    }
-    if (const auto next = reinterpret_cast<AllSolved>(original(CAIRN_ALL_SOLVED, self, reinterpret_cast<void*>(&cairn_all_solved))))
-        next(self, info, drawer);
 }
 
 void cairn_reset(void* self) {

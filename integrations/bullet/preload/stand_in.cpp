@@ -9,6 +9,7 @@
 #include <btBulletDynamicsCommon.h>
 
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <new>
 
@@ -21,7 +22,6 @@ static_assert(BT_BULLET_VERSION == CAIRN_BULLET_MAJOR * 100 + CAIRN_BULLET_MINOR
 struct Solver {
     explicit Solver(const Settings& settings) : cairn(settings.method, settings.preset, &settings.config) {}
     bullet::ConstraintSolver cairn;
-    bool collecting = false;
 };
 
 Solver& of(void* solver) { return *static_cast<Solver*>(solver); }
@@ -45,11 +45,6 @@ void* create(const char** why) {
 
 void destroy(void* solver) { delete static_cast<Solver*>(solver); }
 
-void prepare(void* solver, int bodies, int manifolds) {
-    of(solver).collecting = true;
-    of(solver).cairn.prepareSolve(bodies, manifolds);
-}
-
 void note(const Solver& solver, Record& record) {
     if (solver.cairn.lastStatus() != CAIRN_OK) {
         ++record.failures;
@@ -69,20 +64,19 @@ void note(const Solver& solver, Record& record) {
 
 void solve(void* solver, const Group& group, Record& record) {
     Solver& s = of(solver);
+    // prepareSolve() and allSolved() cannot be replaced: Bullet's compiler has put their empty bodies where they are called. So
+    // let the world hand over all of its islands at once: in parts, each would take the others' place in the warm-start cache. (The
+    // info is the world's own, const on its way here only. The first step still comes in parts.)
+    constexpr int all = std::numeric_limits<int>::max();
+    btContactSolverInfo& info = *static_cast<btContactSolverInfo*>(const_cast<void*>(group.info));
+    if (info.m_minimumSolverBatchSize != all)
+        info.m_minimumSolverBatchSize = all;
     s.cairn.solveGroup(reinterpret_cast<btCollisionObject**>(group.bodies), group.bodyCount,
                        reinterpret_cast<btPersistentManifold**>(group.manifolds), group.manifoldCount,
-                       reinterpret_cast<btTypedConstraint**>(group.constraints), group.constraintCount,
-                       *static_cast<const btContactSolverInfo*>(group.info), static_cast<btIDebugDraw*>(group.drawer),
-                       static_cast<btDispatcher*>(group.dispatcher));
-    if (!s.collecting && group.bodyCount + group.manifoldCount + group.constraintCount > 0)
+                       reinterpret_cast<btTypedConstraint**>(group.constraints), group.constraintCount, info,
+                       static_cast<btIDebugDraw*>(group.drawer), static_cast<btDispatcher*>(group.dispatcher));
+    if (group.bodyCount + group.manifoldCount + group.constraintCount > 0)
         note(s, record);
-}
-
-void allSolved(void* solver, const void* info, void* drawer, Record& record) {
-    Solver& s = of(solver);
-    s.collecting = false;
-    s.cairn.allSolved(*static_cast<const btContactSolverInfo*>(info), static_cast<btIDebugDraw*>(drawer));
-    note(s, record);
 }
 
 void reset(void* solver) { of(solver).cairn.reset(); }
@@ -132,6 +126,6 @@ void measure(const Group& group, Record& record) {
 
 extern "C" __attribute__((visibility("default"))) const cairn::preload::StandIn* cairn_bullet_stand_in() {
     using namespace cairn::preload;
-    static const StandIn standIn = {create, destroy, prepare, solve, allSolved, reset, measure};
+    static const StandIn standIn = {create, destroy, solve, reset, measure};
     return &standIn;
 }

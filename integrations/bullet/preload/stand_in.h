@@ -33,10 +33,7 @@ struct StandIn {
     // A solver with the settings of the environment (settings.h). NULL: `why` says why not, and lives for ever.
     void* (*create)(const char** why);
     void (*destroy)(void* solver);
-    // Of btConstraintSolver. Without prepare() each group is solved when it comes.
-    void (*prepare)(void* solver, int bodies, int manifolds);
     void (*solve)(void* solver, const Group& group, Record& record);
-    void (*allSolved)(void* solver, const void* info, void* drawer, Record& record);
     void (*reset)(void* solver);
     // `deepest` and `widest` of a group, whoever solves it.
     void (*measure)(const Group& group, Record& record);

@@ -14,11 +14,24 @@ namespace {
 
 struct Derived : btSequentialImpulseConstraintSolver {};
 
-Outcome behind(btConstraintSolver& solver, int steps) {
+// Steps without Bullet's own internalSingleStepSimulation().
+struct OwnWorld : btDiscreteDynamicsWorld {
+    using btDiscreteDynamicsWorld::btDiscreteDynamicsWorld;
+    void internalSingleStepSimulation(btScalar dt) override {
+        predictUnconstraintMotion(dt);
+        performDiscreteCollisionDetection();
+        calculateSimulationIslands();
+        getSolverInfo().m_timeStep = dt;
+        solveConstraints(getSolverInfo());
+        integrateTransforms(dt);
+    }
+};
+
+template <class World = btDiscreteDynamicsWorld> Outcome behind(btConstraintSolver& solver, int steps) {
     btDefaultCollisionConfiguration configuration;
     btCollisionDispatcher dispatcher(&configuration);
     btDbvtBroadphase broadphase;
-    btDiscreteDynamicsWorld world(&dispatcher, &broadphase, &solver, &configuration);
+    World world(&dispatcher, &broadphase, &solver, &configuration);
     return simulate(world, steps);
 }
 
@@ -29,6 +42,9 @@ int run(const std::string& kind, int steps) {
     if (kind == "plain") {
         btSequentialImpulseConstraintSolver solver;
         outcome = behind(solver, steps);
+    } else if (kind == "own") {
+        btSequentialImpulseConstraintSolver solver;
+        outcome = behind<OwnWorld>(solver, steps);
     } else if (kind == "nncg") {
         btNNCGConstraintSolver solver;
         outcome = behind(solver, steps);
