@@ -7,6 +7,7 @@
 // repetitions of all benchmarks are shuffled for the same reason.
 #include "machine.h"
 #include "stack_world.h"
+#include "triad.h"
 
 #include <benchmark/benchmark.h>
 
