@@ -5,6 +5,7 @@
 //   ./dev bench -- --benchmark_filter="PJ, paper, AVX2"      some of it (stock Bullet always runs alongside)
 // Every iteration of a benchmark steps a stock world, then the world measured, so that both see the same machine; the
 // repetitions of all benchmarks are shuffled for the same reason.
+#include "gpu/traffic.h"
 #include "machine.h"
 #include "stack_world.h"
 #include "triad.h"
@@ -197,24 +198,29 @@ class Table final : public benchmark::BenchmarkReporter {
                     value("ratio"), value("time_ratio"), value("drift_mm"));
     }
 
-    // Traffic of one sweep, counted by hand (core/rows/contact.h, core/rows/bodies.h, core/stages/bodies.h), floats of 4 bytes.
-    // Point: 3 directions and 2 arms (15), bias, gamma, 1/D_nn, D_n1, D_n2, 1/D_t twice, friction (8), lambda read and written (6).
-    // Manifold: 4 indices; two velocities read, two slots written, both read again by the bodies: six rows of 32 bytes.
-    // Body: velocity read and written, inverse mass and its cross terms read: four rows of 32 bytes, and where its slots begin.
+    // What the sweeps must move, as gpu/traffic.h counts it, beside what the processor can.
     void floor() const {
         const auto found = m_medians.find("PJ, paper");
         if (found == m_medians.end())
             return;
         const auto value = [&](const char* counter) { return found->second.counters.at(counter).value; };
-        const double points = value("points");
-        const double bytes = 4 * (15 + 8 + 6) + (value("manifolds") * (16 + 6 * 32) + kMovableBodies * (4 * 32 + 4)) / points;
+        Load load;
+        load.points = value("points");
+        load.manifolds = value("manifolds");
+        load.movableSides = 2 * load.manifolds; // few stand on the plane
+        load.bodies = kMovableBodies;
+        cairn_params params = {};
+        params.struct_size = sizeof params;
+        if (cairn_params_preset(CAIRN_METHOD_PJ, CAIRN_PRESET_PAPER, &params) != CAIRN_OK)
+            return;
+        const double points = load.points, bytes = sweepBytes(load, params, false) / points;
         const double bandwidth = triadBandwidth(static_cast<std::size_t>(bytes * points));
         const double fastest = 1e9 * bytes / bandwidth;
-        std::printf("\nFloor of PJ, paper: a sweep moves %.0f bytes a point (116 its own, the rest its share of manifolds and bodies), "
+        std::printf("\nFloor of PJ, paper: a sweep moves %.0f bytes a point (%.0f its own, the rest its share of manifolds and bodies), "
                     "%.0f KiB in all.\nA triad of that size moves %.1f GB/s on one thread: at least %.2f ns. Measured: %.2f ns in the "
                     "sweeps, %.1f GB/s, %.1f times the floor;\n%.2f ns with all else, %.1f times.\n",
-                    bytes, bytes * points / 1024, bandwidth / 1e9, fastest, value("sweep_ns"), bytes / value("sweep_ns"),
-                    value("sweep_ns") / fastest, value("ns"), value("ns") / fastest);
+                    bytes, pointBytes(params), bytes * points / 1024, bandwidth / 1e9, fastest, value("sweep_ns"),
+                    bytes / value("sweep_ns"), value("sweep_ns") / fastest, value("ns"), value("ns") / fastest);
     }
 
     std::map<std::string, Run> m_medians;

@@ -12,4 +12,11 @@ std::string processor() {
     return "unknown CPU";
 }
 
+std::string nvidiaDriver() {
+    std::ifstream file("/proc/driver/nvidia/version");
+    std::string line;
+    std::getline(file, line);
+    return line;
+}
+
 } // namespace cairn_bench

@@ -6,5 +6,7 @@ namespace cairn_bench {
 
 // "AMD EPYC 9354" from /proc/cpuinfo where there is one, else "unknown CPU".
 std::string processor();
+// The first line of /proc/driver/nvidia/version, "" without one.
+std::string nvidiaDriver();
 
 } // namespace cairn_bench

@@ -1,0 +1,128 @@
+#include "gpu_bench.h"
+
+#include "../machine.h"
+
+#include <algorithm>
+#include <chrono>
+#include <ctime>
+#include <fstream>
+#include <thread>
+
+#if __has_include(<unistd.h>)
+#include <unistd.h>
+#endif
+
+namespace cairn_bench {
+namespace {
+
+// On stderr, where that is a terminal.
+class Progress {
+  public:
+    explicit Progress(std::size_t count) : m_count(count) {}
+    ~Progress() { clear(); }
+    Progress(const Progress&) = delete;
+    Progress& operator=(const Progress&) = delete;
+
+    void show(std::size_t done, const std::string& what) const {
+        constexpr std::size_t width = 30;
+        if (!m_shown)
+            return;
+        const std::size_t filled = m_count > 0 ? done * width / m_count : width;
+        const std::string bar = std::string(filled, '#') + std::string(width - filled, '.');
+        std::fprintf(stderr, "\r\033[K[%s] %zu/%zu %s", bar.c_str(), done, m_count, what.c_str());
+        std::fflush(stderr);
+    }
+    void clear() const {
+        if (!m_shown)
+            return;
+        std::fprintf(stderr, "\r\033[K");
+        std::fflush(stderr);
+    }
+
+  private:
+    static bool terminal() {
+#if __has_include(<unistd.h>)
+        return isatty(STDERR_FILENO) != 0;
+#else
+        return false;
+#endif
+    }
+    std::size_t m_count;
+    bool m_shown = terminal();
+};
+
+std::string now() {
+    const std::time_t time = std::time(nullptr);
+    char text[32] = "";
+    std::strftime(text, sizeof text, "%Y-%m-%d %H:%M UTC", std::gmtime(&time));
+    return text;
+}
+
+void describe(Report& report, const Options& options, Machine& machine) {
+    cairn_info info{};
+    info.struct_size = sizeof info;
+    if (const cairn_status status = cairn_get_info(&info); status != CAIRN_OK)
+        throw Failure(status, cairn_last_error());
+    report.cpu = processor();
+    report.cores = std::thread::hardware_concurrency();
+    report.build = info.build;
+    report.cuda = info.cuda;
+    report.driver = nvidiaDriver();
+    report.bullet = bulletVersion();
+    report.when = now();
+    report.command = "cairn_gpu_bench" + options.command;
+    machine.bullet = !report.bullet.empty();
+    machine.gpuMissing = report.gpuMissing = gpuIsMissing();
+    if (machine.gpuMissing)
+        report.copyWhy = *machine.gpuMissing;
+    else
+        report.copy = deviceCopyRate(report.copyWhy);
+}
+
+// By way of a second file, so that what is there is never half of it.
+bool save(const Report& report, const std::string& path) {
+    if (path.empty())
+        return true;
+    const std::string half = path + ".part";
+    std::ofstream file(half, std::ios::binary);
+    file << json(report);
+    file.close();
+    if (file && std::rename(half.c_str(), path.c_str()) == 0)
+        return true;
+    std::fprintf(stderr, "cairn_gpu_bench: %s could not be written\n", path.c_str());
+    return false;
+}
+
+} // namespace
+
+int run(const Options& options, std::FILE* table, Report& report) {
+    const auto start = std::chrono::steady_clock::now();
+    Machine machine;
+    describe(report, options, machine);
+    if (!save(report, options.json))
+        return 1;
+    printHeader(report, table);
+    const std::vector<Case> cases = casesOf(options);
+    const Progress progress(cases.size());
+    bool failed = false;
+    for (std::size_t i = 0; i < cases.size(); ++i) {
+        const Case& what = cases[i];
+        progress.show(i, what.name + ", " + std::to_string(what.bodies) + " bodies, " + cairn_method_name(what.method));
+        const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        if (options.seconds > 0 && elapsed > options.seconds)
+            report.measured.push_back(leftOut(what, options, "time was up (--seconds)"));
+        else
+            report.measured.push_back(measure(what, options, machine));
+        const std::vector<Cell>& cells = report.measured.back().cells;
+        failed = failed || std::any_of(cells.begin(), cells.end(), [](const Cell& cell) { return cell.failed; });
+        report.complete = i + 1 == cases.size();
+        progress.clear();
+        printRows(report, report.measured.back(), i == 0, table);
+        if (!save(report, options.json))
+            return 1;
+    }
+    printCrossings(report, table);
+    return failed ? 1 : 0;
+}
+
+} // namespace cairn_bench
