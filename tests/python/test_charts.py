@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from cairn import charts, demo, replay, scenes, workers
-from cairn.charts import claims, error_time, report, verdict
+from cairn.charts import claims, error_time, report, scaling, verdict
 from cairn.charts.frames import buckets
 from cairn.charts.result import METHODS, NAMES, PRESETS, Comparison, Request, Result
 from cairn.recording import SERIES, Recording
@@ -376,3 +376,63 @@ def test_the_demo_writes_a_page_and_results(tmp_path: Path, capsys: pytest.Captu
     assert found["frames"] == {"stack": 3, "chain": 3, "overlap": 3}
     assert all(run["error"] is None for run in found["runs"])
     assert (tmp_path / "index.html").stat().st_size < 8_000_000
+
+
+def grown(group: str, times: dict[int, tuple[float | None, float | None, float | None]]) -> list[dict[str, Any]]:
+    """Cases as cairn_gpu_bench writes them: milliseconds of GPU, CPU and stock Bullet by bodies, None: not measured."""
+    return [
+        {
+            "group": group, "scene": group, "bodies": bodies, "method": "pj", "iterations": 30,
+            "solvers": [
+                {"solver": solver, "not_measured": "no driver" if ms is None else None, "ms": ms, "threads": 2}
+                for solver, ms in zip(("gpu", "cpu", "stock"), milliseconds)
+            ],
+        }
+        for bodies, milliseconds in times.items()
+    ]  # fmt: skip
+
+
+def benchmark(cases: list[dict[str, Any]], crossing: dict[str, Any]) -> dict[str, Any]:
+    both = {"cpu": crossing, "stock": crossing}
+    facts = {"cpu": "a CPU", "cores": 2, "cuda": "present: a GPU", "build": "a build", "bullet": None, "when": "today"}
+    return {**facts, "crossings": dict.fromkeys(scaling.PANELS, both), "measured": cases}
+
+
+def test_scaling_curves_are_sorted_and_leave_out_what_was_not_measured() -> None:
+    cases = grown("pile", {100: (2.0, 3.0, None), 10: (1.0, None, 4.0)})
+    forced = {"solver": "gpu", "executor_asked_for": "grid", "not_measured": None, "ms": 9.0}
+    cases[0]["solvers"].append(forced)
+    found = {curve.solver: (curve.bodies, curve.milliseconds) for curve in scaling.curves({"measured": cases}, "pile")}
+    assert found == {"gpu": ([10, 100], [1.0, 2.0]), "cpu": ([100], [3.0]), "stock": ([10], [4.0])}
+    assert scaling.curves({"measured": cases}, "stack") == []
+
+
+@pytest.mark.parametrize(
+    ("crossing", "text"),
+    [
+        ({"measured": False, "from_bodies": None, "everywhere": False}, "GPU against the CPU: not measured"),
+        ({"measured": True, "from_bodies": None, "everywhere": False}, "GPU never ahead of the CPU"),
+        ({"measured": True, "from_bodies": 2345.6, "everywhere": False}, "GPU ahead of the CPU from 2\u2009346 bodies"),
+        ({"measured": True, "from_bodies": 10, "everywhere": True}, "GPU ahead of the CPU from 10 bodies or fewer"),
+    ],
+)
+def test_scaling_says_where_the_gpu_wins(crossing: dict[str, Any], text: str) -> None:
+    assert scaling.verdict(benchmark([], crossing), "stack", "cpu") == text
+
+
+def test_scaling_draws_with_and_without_a_gpu(tmp_path: Path) -> None:
+    crossing = {"measured": True, "from_bodies": 50.0, "everywhere": False}
+    for gpu in (None, 0.5):
+        cases = [case for group in scaling.PANELS for case in grown(group, {10: (gpu, 0.1, 0.2), 100: (gpu, 1.0, 2.0)})]
+        results = benchmark(cases, crossing)
+        assert scaling.reason(results) == ("no driver" if gpu is None else "")
+        (tmp_path / "gpu.json").write_text(json.dumps(results))
+        assert scaling.main([str(tmp_path / "gpu.json"), str(tmp_path / "gpu.png")]) == 0
+        assert (tmp_path / "gpu.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_scaling_refuses_what_it_cannot_draw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "gpu.json").write_text(json.dumps(benchmark(grown("scenes", {10: (1.0, 1.0, 1.0)}), {})))
+    assert scaling.main([str(tmp_path / "gpu.json"), str(tmp_path / "gpu.png")]) == 1
+    assert "nothing to draw" in capsys.readouterr().err
+    assert scaling.main([]) == 2

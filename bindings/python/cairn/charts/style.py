@@ -1,6 +1,7 @@
 """How every chart looks: one colour, marker and line a method, the same everywhere, told apart without colour as well.
 
 Charts are SVG, to stand in a page: text and axes take the page's own colour, so that they read in light and dark.
+Those that stand alone are PNG.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -91,6 +93,13 @@ def svg(drawing: Figure, description: str, footnote: str = "") -> str:
     text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
     text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
     return re.sub(r"^<svg", f'<svg role="img" aria-label="{_attribute(description)}"', text)
+
+
+def png(drawing: Figure, target: Path, footnote: str = "") -> None:
+    """The figure as a file to stand on its own: dark on white."""
+    if footnote:
+        drawing.supxlabel(footnote, fontsize=8, x=0.01, ha="left", alpha=0.75)
+    drawing.savefig(target, format="png", dpi=150, facecolor="white", metadata={"Software": None})
 
 
 def _attribute(text: str) -> str:
