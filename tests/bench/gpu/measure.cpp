@@ -3,7 +3,8 @@
 #include "traffic.h"
 
 #include <algorithm>
-#include <cmath>
+#include <chrono>
+#include <thread>
 
 namespace cairn_bench {
 namespace {
@@ -11,6 +12,8 @@ namespace {
 constexpr int kWarmUps = 2; // the GPU chooses its executor by what it found in the step before
 constexpr int kLeastRuns = 3;
 constexpr double kEnoughSeconds = 3; // of one solver's runs in a case
+// Before each step: until then the last solver's threads spin, and a busy machine's scheduler owes time to others.
+constexpr std::chrono::milliseconds kPause(3);
 constexpr std::uint32_t kMethods[] = {CAIRN_METHOD_PJ, CAIRN_METHOD_PJNJ, CAIRN_METHOD_PJSOFT, CAIRN_METHOD_TJ, CAIRN_METHOD_TJSOFT};
 
 bool wanted(const Options& options, const char* group) {
@@ -182,6 +185,7 @@ Measured measure(const Case& what, const Options& options, const Machine& machin
         for (Runner& runner : runners)
             if (!runner.done(options.runs))
                 runner.guarded([&] {
+                    std::this_thread::sleep_for(kPause);
                     const Spent spent = runner.subject->step();
                     if (round < 0)
                         return;

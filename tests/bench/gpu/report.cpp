@@ -269,6 +269,7 @@ void printHeader(const Report& report, std::FILE* to) {
     std::fprintf(
         to, "Preset paper, cold; medians in ms; solvers in turn on the same tables, all sent in each step, poses and velocities fetched.\n"
             "build: packing, on the CPU with all it does before the iterations; what the parts leave of the step is checks and waiting.\n"
+            "rows: of a point 3 in Cairn, friction a cone; 2 in stock Bullet, friction along one direction.\n"
             "B/point: bytes that an iteration moves for a point, counted from the layout; GB/s: these through the iterations.\n\n");
     std::fflush(to);
 }
@@ -281,9 +282,9 @@ void printRows(const Report& report, const Measured& measured, bool first, std::
                      "solver", "step", "upload", "build", "iterate", "finish", "download", "us/iter", "B/point", "GB/s", "copy", "rows");
     for (const Cell& cell : measured.cells) {
         std::string solver = cell.who == Who::cpu ? "CPU" : cell.who == Who::stock ? "stock Bullet" : "GPU";
-        if (cell.who == Who::gpu && cell.forced != CAIRN_EXECUTOR_AUTO)
-            solver += std::string(", ") + executorName(cell.forced);
-        else if (!cell.done.executor.empty())
+        if (cell.who == Who::gpu)
+            solver += std::string(" ") + executorName(cell.forced);
+        if (cell.who == Who::gpu && cell.forced == CAIRN_EXECUTOR_AUTO && !cell.done.executor.empty())
             solver += ", " + cell.done.executor;
         if (cell.who == Who::cpu && cell.notMeasured.empty())
             solver += ", " + std::to_string(cell.done.threads) + " threads";

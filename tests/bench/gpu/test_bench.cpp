@@ -163,6 +163,7 @@ TEST(Program, OutOfDeviceMemoryIsACellOfItsOwn) {
 }
 
 TEST(Program, StopsWhenTimeIsUp) {
+    cairn_emulated::set_memory_limit(std::size_t{16} << 20);
     std::vector<std::string> arguments = kSmall;
     arguments.insert(arguments.end(), {"--seconds", "0.000001"});
     const Ran result = ran(arguments);
