@@ -1,5 +1,6 @@
 #include "report.h"
 
+#include <algorithm>
 #include <cmath>
 #include <locale>
 #include <sstream>
@@ -312,7 +313,9 @@ void printRows(const Report& report, const Measured& measured, bool first, std::
 
 void printCrossings(const Report& report, std::FILE* to) {
     std::fprintf(to, "\n");
-    for (const char* group : kGrowing)
+    for (const char* group : kGrowing) {
+        if (std::none_of(report.measured.begin(), report.measured.end(), [&](const Measured& m) { return m.what.group == group; }))
+            continue; // not asked for
         for (const Who other : {Who::cpu, Who::stock}) {
             const char* name = other == Who::cpu ? "CPU" : "stock Bullet";
             const Crossing crossing = crossingIn(report, group, other);
@@ -324,6 +327,7 @@ void printCrossings(const Report& report, std::FILE* to) {
             else
                 std::fprintf(to, "from %.0f bodies%s\n", *crossing.from, crossing.everywhere ? ", the smallest measured, or fewer" : "");
         }
+    }
 }
 
 } // namespace cairn_bench
