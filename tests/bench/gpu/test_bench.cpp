@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <regex>
 #include <set>
 #include <sstream>
 
@@ -131,7 +132,7 @@ TEST(Program, MeasuresAGpu) {
     EXPECT_EQ(executors, (std::set<std::string>{"block", "graph", "grid"}));
     for (const char* group : {"stack", "pile", "worlds"})
         EXPECT_TRUE(crossingIn(result.report, group, Who::cpu).measured) << group;
-    EXPECT_NE(result.json.find("\"share_of_copy_bandwidth\": 0."), std::string::npos) << result.json;
+    EXPECT_TRUE(std::regex_search(result.json, std::regex("\"share_of_copy_bandwidth\": [0-9]"))) << result.json;
     EXPECT_EQ(result.table.find("OTHER BITS"), std::string::npos);
 }
 
