@@ -229,7 +229,7 @@ class Check:
             lines = output.splitlines()
             told_of = [line for line in lines[:-20] if re.search(r"error|FAILED|Failure", line)]
             print("\n".join([*told_of[:20], *lines[-20:]]), flush=True)
-        counted = re.findall(r"^\[  PASSED  \] .*|^.*\d passed.*|^=+ ERROR SUMMARY: .*|^\d+ kernels, .*", output, re.M)
+        counted = re.findall(r"^\[  PASSED  \] .*|^.*\d passed.*|^=+ \w+ SUMMARY: .*|^\d+ kernels, .*", output, re.M)
         self.note(
             name,
             "SKIPPED" if status == 77 else "FAILED" if problem else "passed",
@@ -276,6 +276,9 @@ def judge(status: int | None, output: str, limit: float) -> str:
         return f"{skipped[1]} tests were skipped"
     if "] Running 0 tests" in output:
         return "no test was run"
+    found = re.findall(r"^=+ \w+ SUMMARY: (\d+) ", output, re.M)  # compute-sanitizer's: errors or hazards
+    if "= COMPUTE-SANITIZER" in output and (not found or set(found) != {"0"}):
+        return f"compute-sanitizer found {', '.join(found)}" if found else "compute-sanitizer gave no summary"
     return ""
 
 
