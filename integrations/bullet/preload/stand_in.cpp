@@ -56,9 +56,12 @@ void note(const Solver& solver, Record& record) {
     record.contacts += s.contacts;
     record.joints += s.joints;
     record.rows += s.rows;
-    record.method = solver.cairn.params().method;
-    record.iterations = s.iterations;
-    record.substeps = s.substeps;
+    cairn_params params = {};
+    params.struct_size = sizeof params;
+    cairn_solver_get_params(solver.cairn.handle(), &params);
+    record.method = params.method;
+    record.iterations = params.iterations;
+    record.substeps = params.substeps;
     record.residual = s.residual;
 }
 
