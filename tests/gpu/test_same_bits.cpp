@@ -62,7 +62,7 @@ TEST_P(SameBits, OfEveryOption) {
             }
 }
 
-TEST_P(SameBits, OfAnIslandForManyBlocks) { expect_same_frames(busy(GetParam()), 3000, 15); }
+TEST_P(SameBits, OfAnIslandForManyBlocks) { expect_same_frames(busy(GetParam()), 1200, 11); }
 
 // Tables that keep their revision stay on the device; one that changes is sent.
 TEST_F(Gpu, RevisionsChangeNoBits) {
