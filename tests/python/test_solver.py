@@ -126,6 +126,8 @@ def test_a_belt_carries_and_a_spring_yields() -> None:
     arm = contacts.arm_b[0] - 0.5 * contacts.separation[0] * contacts.normal[0]
     turn = np.cross(arm, results.friction_impulse[0]) + results.torsion_impulse[0]
     np.testing.assert_allclose(results.angular_velocity[0], turn * bodies.inverse_inertia[0], atol=1e-6)
+
+
 def test_spring_carries_a_weight_and_a_servo_turns() -> None:
     bodies = some_bodies(1)
     state = np.zeros((1, 6), np.uint32)

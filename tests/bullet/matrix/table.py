@@ -1,8 +1,8 @@
-"""Writes the conformance matrix of the Bullet adapter as Markdown, from what its tests reported; or checks that it is up to date.
+"""Writes the conformance matrix of the Bullet adapter as Markdown, from its tests' results; or checks it.
 
-The tests leave one CSV file a precision (conformance.h). A deviation is shown rounded up to 1, 2 or 5 times a power of ten, the
-worse of the two precisions. `--check` compares every row, column, tolerance, reference and reason; a deviation may be one such
-step off, since Bullet's own build decides its last digits, and anything below.
+The tests leave one CSV file a precision (conformance.h). A deviation is shown rounded up to 1, 2 or 5 times a power of
+ten, the worse of the two precisions. `--check` compares every row, column, tolerance, reference and reason; a deviation
+may be one such step off, since Bullet's own build decides its last digits, and anything below.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ from pathlib import Path
 
 HEAD = """# Conformance: Cairn beside Bullet
 
-Written by `tests/bullet/matrix/table.py` from the runs of `cairn_matrix_bullet` and `cairn_matrix_bullet-float64`, which
-`./dev test ctest` makes and compares with this page. Do not edit it.
+Written by `tests/bullet/matrix/table.py` from the runs of `cairn_matrix_bullet` and `cairn_matrix_bullet-float64`,
+which `./dev test ctest` makes and compares with this page. Do not edit it.
 
-A cell is the deviation from its reference, in single and double precision, the worse of both rounded up to 1, 2 or 5 times a power
-of ten, at least 1e-06, and in brackets what the tests allow; in m or rad, or in the unit that stands there. References:
-**S** stock Bullet in a thirtieth of the step, 100 iterations; **s** stock Bullet in the same steps, where its behaviour depends on
-their size; **F** a closed formula; **D** a deliberate difference from stock, whose deviation is from what is meant instead.
+A cell is the deviation from its reference, in single and double precision, the worse of both rounded up to 1, 2 or 5
+times a power of ten, at least 1e-06, and in brackets what the tests allow; in m or rad, or in the unit that stands
+there. References: **S** stock Bullet in a thirtieth of the step, 100 iterations; **s** stock Bullet in the same
+steps, where its behaviour depends on their size; **F** a closed formula; **D** a deliberate difference from stock,
+whose deviation is from what is meant instead.
 """
 FIRST = -18  # 1e-6
 LETTERS = {"stock": "S", "stock step": "s", "formula": "F", "deliberate": "D"}
