@@ -288,28 +288,30 @@ CAIRN_HD void sweep_contacts(const Frame<Real>& f, const Group& g, std::size_t l
             impulse = impulse + (q.t1 * d1 + q.t2 * d2);
             gain = gain + (q.t1 * (l1 - x1) + q.t2 * (l2 - x2));
         }
-        if (kSpecial && g.contact == ContactKind::torsional) {
-            const Vec3<Lane> on_a = cross(q.a, impulse), on_b = cross(q.b, impulse);
-            const Vec3<Lane> x = load3(extra + (kTorque + 3 * f.current) * kGroup);
-            const Vec3<Lane> y = kReduces ? x + (x - load3(extra + (kTorque + 3 * (1 - f.current)) * kGroup)) * beta : x;
-            const Vec3<Lane> speed = (vb.angular + mb.angular * on_b) - (va.angular - ma.angular * on_a);
-            Vec3<Lane> torque = step_torsion(extra, q.n, ln, y, speed, ma.angular + mb.angular);
-            if constexpr (kReduces)
-                torque = select(active, torque, x);
-            store3(torque, extra + (kTorque + 3 * (1 - f.current)) * kGroup);
-            const Vec3<Lane> d = torque - y;
-            if constexpr (kReduces) {
-                const Lane dspin = dot(q.n, d), roll = load_as<Lane>(extra + kDRoll * kGroup);
-                const Vec3<Lane> e = d * roll + q.n * (dspin * (load_as<Lane>(extra + kDSpin * kGroup) - roll));
-                restart = restart - dot(e, torque - x);
-                residual = residual + dot(e, d);
+        if constexpr (kSpecial) {
+            if (g.contact == ContactKind::torsional) {
+                const Vec3<Lane> on_a = cross(q.a, impulse), on_b = cross(q.b, impulse);
+                const Vec3<Lane> x = load3(extra + (kTorque + 3 * f.current) * kGroup);
+                const Vec3<Lane> y = kReduces ? x + (x - load3(extra + (kTorque + 3 * (1 - f.current)) * kGroup)) * beta : x;
+                const Vec3<Lane> speed = (vb.angular + mb.angular * on_b) - (va.angular - ma.angular * on_a);
+                Vec3<Lane> torque = step_torsion(extra, q.n, ln, y, speed, ma.angular + mb.angular);
+                if constexpr (kReduces)
+                    torque = select(active, torque, x);
+                store3(torque, extra + (kTorque + 3 * (1 - f.current)) * kGroup);
+                const Vec3<Lane> d = torque - y;
+                if constexpr (kReduces) {
+                    const Lane dspin = dot(q.n, d), roll = load_as<Lane>(extra + kDRoll * kGroup);
+                    const Vec3<Lane> e = d * roll + q.n * (dspin * (load_as<Lane>(extra + kDSpin * kGroup) - roll));
+                    restart = restart - dot(e, torque - x);
+                    residual = residual + dot(e, d);
+                }
+                if constexpr (kManifold) {
+                    va.angular = va.angular - ma.angular * d;
+                    vb.angular = vb.angular + mb.angular * d;
+                }
+                turn_a = turn_a + (torque - x);
+                turn_b = turn_b + (torque - x);
             }
-            if constexpr (kManifold) {
-                va.angular = va.angular - ma.angular * d;
-                vb.angular = vb.angular + mb.angular * d;
-            }
-            turn_a = turn_a + (torque - x);
-            turn_b = turn_b + (torque - x);
         }
         if (kManifold && p + 1 < g.count) {
             va.linear = va.linear - times(ma.linear, impulse);

@@ -131,7 +131,7 @@ typedef struct cairn_contacts {
     cairn_view friction;    /* [1] Coulomb's coefficient, >= 0; optional: 0 */
     cairn_view restitution; /* [1] 0 ... 1; optional: 0 */
     cairn_view tangent;     /* [3] first friction direction; projected on the plane; optional, or zero: chosen from the normal */
-    cairn_view key;         /* [1] U64, unique: finds the contact's impulse of the last step; 0 or absent: starts from zero */
+    cairn_view key;         /* [1] U64, unique: finds the contact's impulse of the last step, torsion apart; 0 or absent: from zero */
     cairn_view flags;       /* [1] CAIRN_CONTACT_...; optional: 0 */
     /* What follows costs nothing where it is absent, nor in manifolds that have it at no point. */
     cairn_view friction_scale;    /* [2] >= 0, friction's share along `tangent` and along normal x tangent; optional: 1. An elliptic
