@@ -21,14 +21,7 @@ Column = Any  # NumPy's, or an object in CUDA memory, for which there is no type
 WORLD = -1  # as a body index: the immovable world, its frame at the origin
 NO_GYROSCOPIC, AT_END_POSE = 1, 2  # Bodies.flags
 ROUND_A, ROUND_B = 1, 2  # Contacts.flags
-FREE, LOCKED, LIMITED, DRIVEN, SPRING, SERVO = (
-    0,
-    1,
-    2,
-    4,
-    8,
-    16,
-)  # Joints.axes: combinations of these; SERVO with DRIVEN
+FREE, LOCKED, LIMITED, DRIVEN, SPRING, SERVO = 0, 1, 2, 4, 8, 16  # Joints.axes: combinations; SERVO with DRIVEN
 BY_AXES, VECTOR, CONE = 0, 1, 2  # Joints.rotation
 
 
@@ -94,7 +87,7 @@ class Joints:
     rotation: Column | None = None  # [n] BY_AXES, VECTOR, CONE: what rx ry rz measure (cairn.h); BY_AXES
     target: Column | None = None  # [n, 6] m or rad, of springs and servos; 0
     stiffness: Column | None = (
-        None  # [n, 6] N/m or N m/rad, of springs; of servos: bounds their force by the error; infinity
+        None  # [n, 6] N/m or N m/rad, of springs; of servos: force by the error at most; infinity
     )
     damping: Column | None = None  # [n, 6] N s/m or N m s/rad, of springs; 0
     rate: Column | None = None  # [n, 6] 1/s, of servos: speed over error; infinity
