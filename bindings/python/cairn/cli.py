@@ -71,6 +71,13 @@ def _seconds(text: str) -> float:
     return value
 
 
+def _tolerances(text: str) -> list[float]:
+    values = [float(part) for part in text.split(",")]
+    if not all(0 < value < 1 for value in values):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a list of numbers between 0 and 1")
+    return values
+
+
 def _checked_scene(name: str) -> str:
     if name not in scenes.SCENES:
         raise UsageError(f"no scene is called '{name}'; there are {', '.join(scenes.SCENES)}")
@@ -230,6 +237,52 @@ def _command_compare(arguments: argparse.Namespace) -> None:
     print(tabulate(rows, headers=headers, tablefmt="simple", colalign=alignment, disable_numparse=True))
 
 
+def _command_fclib(arguments: argparse.Namespace) -> None:
+    from . import fclib
+
+    problems = []
+    for path in arguments.files:
+        try:
+            problems.append(fclib.read(path))
+        except ValueError as error:
+            raise UsageError(str(error)) from None
+    tolerances = sorted(arguments.tolerances, reverse=True)
+    found = []
+    for problem in problems:
+        one = fclib.compare(problem, tolerances, arguments.most, arguments.precision)
+        found.append(one)
+        if arguments.json != "-":
+            _print_fclib(one)
+    if arguments.json:
+        _write_json(found, arguments.json)
+
+
+def _print_fclib(one: dict[str, Any]) -> None:
+    kind = "coupled" if one["coupled"] else "uncoupled: no two contacts share a body that moves"
+    print(f"{one['name']}: {one['contacts']} contacts, {one['form']}, {kind}")
+    exact = one["reference"]
+    print(f"reference: relative residual {exact['relative']:.1e} in {exact['seconds']:.2g} s\n")
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for sweep in one["sweeps"]:
+        cells = [
+            "-" if r["iterations"] is None else f"{r['iterations']}\n{1e3 * r['seconds']:.2g} ms"
+            for r in sweep["reached"]
+        ]
+        counts = tuple(str(r["iterations"]) for r in sweep["reached"])
+        rows.setdefault((sweep["preset"], *counts), [sweep["method"], sweep["preset"], *cells])
+        if rows[(sweep["preset"], *counts)][0] != sweep["method"]:
+            rows[(sweep["preset"], *counts)][0] += ", " + sweep["method"]
+    if not rows:
+        print("no sweeps: a local problem does not say which bodies its contacts join\n")
+        return
+    headers = ["method", "preset", *(f"{r['tolerance']:.0e}" for r in one["sweeps"][0]["reached"])]
+    alignment = ["left", "left", *["right"] * (len(headers) - 2)]
+    print(
+        tabulate(list(rows.values()), headers=headers, tablefmt="simple", colalign=alignment, disable_numparse=True),
+        end="\n\n",
+    )
+
+
 def _add_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("scene", metavar="SCENE", help="a name that `cairn scenes` lists")
@@ -304,6 +357,30 @@ def parser() -> argparse.ArgumentParser:
     many = add("compare", "run a scene under several methods and set them side by side", examples, _command_compare)
     many.add_argument("--methods", required=True, metavar="A,B,C", help=f"of {', '.join(METHODS)}")
     _add_options(many)
+
+    examples = (
+        "examples:\n"
+        "  cairn fclib problem.hdf5\n"
+        "  cairn fclib *.hdf5 --tolerances 1e-2,1e-4 --json fclib.json\n\n"
+        "The table has, for each tolerance, the sweeps from zero after which the relative residual is below it, and\n"
+        "their time on one thread (medians). Methods that take the same sweeps stand together."
+    )
+    problems = add(
+        "fclib", "solve recorded contact problems (FCLIB), beside the exact solution", examples, _command_fclib
+    )
+    problems.add_argument("files", metavar="FILE", nargs="+", help="HDF5 files in FCLIB's format")
+    problems.add_argument(
+        "--tolerances",
+        type=_tolerances,
+        default=[1e-2, 1e-3, 1e-4, 1e-5, 1e-6],
+        metavar="A,B",
+        help="of the relative residual (1e-2,...,1e-6)",
+    )
+    problems.add_argument("--most", type=_positive, default=1 << 14, metavar="N", help="sweeps to try at most (16384)")
+    problems.add_argument("--precision", type=int, choices=(32, 64), default=32, help="of the sweeps (32)")
+    problems.add_argument(
+        "--json", metavar="FILE", help="write the results as JSON to FILE; - for standard output instead of the table"
+    )
     return top
 
 
