@@ -258,8 +258,8 @@ def _command_fclib(arguments: argparse.Namespace) -> None:
 
 
 def _print_fclib(one: dict[str, Any]) -> None:
-    kind = "coupled" if one["coupled"] else "uncoupled: no two contacts share a body that moves"
-    print(f"{one['name']}: {one['contacts']} contacts, {one['form']}, {kind}")
+    kinds = {True: ", coupled", False: ", uncoupled: no contact joins two bodies that move", None: ""}
+    print(f"{one['name']}: {one['contacts']} contacts, {one['form']}{kinds[one['coupled']]}")
     exact = one["reference"]
     print(f"reference: relative residual {exact['relative']:.1e} in {exact['seconds']:.2g} s\n")
     rows: dict[tuple[str, ...], list[str]] = {}

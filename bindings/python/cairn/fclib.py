@@ -60,12 +60,13 @@ class Problem:
         return reference.evaluate(self.W, self.q, self.mu, impulse)
 
     @property
-    def coupled(self) -> bool:
-        """Whether some body that moves is in two contacts' rows: else every contact is solved by itself."""
-        contacts = np.repeat(np.arange(len(self)), 3)
-        blocks = sparse.coo_matrix(self.W)
-        filled = np.abs(blocks.data) > 1e-12 * np.abs(self.W).max()
-        return bool(np.any(contacts[blocks.row[filled]] != contacts[blocks.col[filled]]))
+    def coupled(self) -> bool | None:
+        """Whether some contact joins two bodies that move; None where the form does not say."""
+        if self.bodies is None:
+            return None
+        row, column = self.bodies.H.nonzero()
+        pairs = np.unique(np.stack([column // 3, row // 6]), axis=1)
+        return bool(np.bincount(pairs[0]).max(initial=0) > 1)
 
 
 def read(path: Path | str) -> Problem:
