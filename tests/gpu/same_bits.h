@@ -26,7 +26,8 @@ struct Seen {
     void step(const Solver& solver, Scene& scene) {
         const Impulses out = scene.step(solver);
         states.push_back(scene.hash());
-        for (const std::vector<double>* values : {&out.contact, &out.friction, &out.torsion, &out.joint, &out.joint_linear, &out.joint_angular, &out.row})
+        for (const std::vector<double>* values :
+             {&out.contact, &out.friction, &out.torsion, &out.joint, &out.joint_linear, &out.joint_angular, &out.row})
             append(impulses, *values);
         append(residuals, solver.residual_trace());
         const cairn_statistics s = solver.statistics();
