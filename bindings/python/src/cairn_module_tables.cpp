@@ -2,6 +2,10 @@
 // copied.
 #include "cairn_module.h"
 
+#include <scene/fields.h> // core's: the fields' names and sizes, once
+
+#include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -10,96 +14,7 @@
 namespace cairn_python {
 namespace {
 
-enum class Kind { real, index, key };
-
-template <class Table> struct Field {
-    const char* name;
-    cairn_view Table::*view;
-    py::ssize_t components;
-    Kind kind;
-};
-
-constexpr Field<cairn_bodies> kBodies[] = {
-    {"position", &cairn_bodies::position, 3, Kind::real},
-    {"orientation", &cairn_bodies::orientation, 4, Kind::real},
-    {"linear_velocity", &cairn_bodies::linear_velocity, 3, Kind::real},
-    {"angular_velocity", &cairn_bodies::angular_velocity, 3, Kind::real},
-    {"inverse_mass", &cairn_bodies::inverse_mass, 1, Kind::real},
-    {"inverse_inertia", &cairn_bodies::inverse_inertia, 3, Kind::real},
-    {"force", &cairn_bodies::force, 3, Kind::real},
-    {"torque", &cairn_bodies::torque, 3, Kind::real},
-    {"linear_factor", &cairn_bodies::linear_factor, 3, Kind::real},
-    {"angular_factor", &cairn_bodies::angular_factor, 3, Kind::real},
-    {"flags", &cairn_bodies::flags, 1, Kind::index},
-};
-constexpr Field<cairn_contacts> kContacts[] = {
-    {"body_a", &cairn_contacts::body_a, 1, Kind::index},
-    {"body_b", &cairn_contacts::body_b, 1, Kind::index},
-    {"normal", &cairn_contacts::normal, 3, Kind::real},
-    {"arm_a", &cairn_contacts::arm_a, 3, Kind::real},
-    {"arm_b", &cairn_contacts::arm_b, 3, Kind::real},
-    {"separation", &cairn_contacts::separation, 1, Kind::real},
-    {"friction", &cairn_contacts::friction, 1, Kind::real},
-    {"restitution", &cairn_contacts::restitution, 1, Kind::real},
-    {"tangent", &cairn_contacts::tangent, 3, Kind::real},
-    {"key", &cairn_contacts::key, 1, Kind::key},
-    {"flags", &cairn_contacts::flags, 1, Kind::index},
-    {"friction_scale", &cairn_contacts::friction_scale, 2, Kind::real},
-    {"surface_velocity", &cairn_contacts::surface_velocity, 3, Kind::real},
-    {"rolling_friction", &cairn_contacts::rolling_friction, 1, Kind::real},
-    {"spinning_friction", &cairn_contacts::spinning_friction, 1, Kind::real},
-    {"stiffness", &cairn_contacts::stiffness, 1, Kind::real},
-    {"damping", &cairn_contacts::damping, 1, Kind::real},
-};
-constexpr Field<cairn_joints> kJoints[] = {
-    {"body_a", &cairn_joints::body_a, 1, Kind::index},
-    {"body_b", &cairn_joints::body_b, 1, Kind::index},
-    {"anchor_a", &cairn_joints::anchor_a, 3, Kind::real},
-    {"anchor_b", &cairn_joints::anchor_b, 3, Kind::real},
-    {"frame_a", &cairn_joints::frame_a, 4, Kind::real},
-    {"frame_b", &cairn_joints::frame_b, 4, Kind::real},
-    {"axes", &cairn_joints::axes, 6, Kind::index},
-    {"lower", &cairn_joints::lower, 6, Kind::real},
-    {"upper", &cairn_joints::upper, 6, Kind::real},
-    {"motor_speed", &cairn_joints::motor_speed, 6, Kind::real},
-    {"motor_force", &cairn_joints::motor_force, 6, Kind::real},
-    {"key", &cairn_joints::key, 1, Kind::key},
-    {"rotation", &cairn_joints::rotation, 1, Kind::index},
-    {"target", &cairn_joints::target, 6, Kind::real},
-    {"stiffness", &cairn_joints::stiffness, 6, Kind::real},
-    {"damping", &cairn_joints::damping, 6, Kind::real},
-    {"rate", &cairn_joints::rate, 6, Kind::real},
-    {"max_force", &cairn_joints::max_force, 1, Kind::real},
-};
-constexpr Field<cairn_rows> kRows[] = {
-    {"body_a", &cairn_rows::body_a, 1, Kind::index},
-    {"body_b", &cairn_rows::body_b, 1, Kind::index},
-    {"jacobian_a", &cairn_rows::jacobian_a, 6, Kind::real},
-    {"jacobian_b", &cairn_rows::jacobian_b, 6, Kind::real},
-    {"rhs", &cairn_rows::rhs, 1, Kind::real},
-    {"lower", &cairn_rows::lower, 1, Kind::real},
-    {"upper", &cairn_rows::upper, 1, Kind::real},
-    {"compliance", &cairn_rows::compliance, 1, Kind::real},
-    {"friction_index", &cairn_rows::friction_index, 1, Kind::index},
-    {"friction", &cairn_rows::friction, 1, Kind::real},
-    {"block", &cairn_rows::block, 1, Kind::index},
-    {"key", &cairn_rows::key, 1, Kind::key},
-};
-constexpr Field<cairn_results> kBodyResults[] = {
-    {"position", &cairn_results::position, 3, Kind::real},
-    {"orientation", &cairn_results::orientation, 4, Kind::real},
-    {"linear_velocity", &cairn_results::linear_velocity, 3, Kind::real},
-    {"angular_velocity", &cairn_results::angular_velocity, 3, Kind::real},
-};
-constexpr Field<cairn_results> kContactResults[] = {
-    {"contact_impulse", &cairn_results::contact_impulse, 1, Kind::real},
-    {"friction_impulse", &cairn_results::friction_impulse, 3, Kind::real},
-    {"torsion_impulse", &cairn_results::torsion_impulse, 3, Kind::real},
-};
-constexpr Field<cairn_results> kJointResults[] = {{"joint_impulse", &cairn_results::joint_impulse, 6, Kind::real},
-                                                  {"joint_linear", &cairn_results::joint_linear, 3, Kind::real},
-                                                  {"joint_angular", &cairn_results::joint_angular, 3, Kind::real}};
-constexpr Field<cairn_results> kRowResults[] = {{"row_impulse", &cairn_results::row_impulse, 1, Kind::real}};
+using cairn::Kind;
 
 std::string text_of(const py::handle& object) { return py::str(object).cast<std::string>(); }
 
@@ -241,14 +156,14 @@ std::uint32_t element_type(const std::string& name, const Array& array, Kind kin
     if (array.native && kind == Kind::real && form == 'f' && (size == 4 || size == 8)) {
         return size == 4 ? CAIRN_F32 : CAIRN_F64;
     }
-    if (array.native && kind == Kind::index && (form == 'i' || form == 'u') && size == 4) {
+    if (array.native && kind == Kind::integer && (form == 'i' || form == 'u') && size == 4) {
         return form == 'i' ? CAIRN_I32 : CAIRN_U32;
     }
     // A framework without unsigned integers (torch) has keys in int64: the same 64 bits.
     if (array.native && kind == Kind::key && size == 8 && (form == 'u' || (form == 'i' && array.on_device))) {
         return CAIRN_U64;
     }
-    const char* wanted = kind == Kind::real ? "float32 or float64" : kind == Kind::index ? "int32 or uint32" : "uint64";
+    const char* wanted = kind == Kind::real ? "float32 or float64" : kind == Kind::integer ? "int32 or uint32" : "uint64";
     throw py::type_error(name + " has elements of type " + array.type + "; pass " + wanted + " of this machine's byte order");
 }
 
@@ -289,7 +204,7 @@ cairn_view view_of(const std::string& name, const py::object& object, py::ssize_
     return view;
 }
 
-template <class Table, std::size_t N> std::string names_of(const Field<Table> (&fields)[N]) {
+template <class Fields> std::string names_of(const Fields& fields) {
     std::string names;
     for (const auto& field : fields) {
         names += (names.empty() ? "" : ", ") + std::string(field.name);
@@ -297,42 +212,26 @@ template <class Table, std::size_t N> std::string names_of(const Field<Table> (&
     return names;
 }
 
-template <class Table, std::size_t N>
-Table table_from(const char* table_name, const py::dict& arrays, const Field<Table> (&fields)[N], const Ordering& ordering,
-                 py::list& keep) {
+template <class Table, class Columns, std::size_t N>
+Table table_from(const char* table_name, const py::dict& arrays, const std::array<cairn::Field<Table, Columns>, N>& fields,
+                 const Ordering& ordering, py::list& keep) {
     Table table = {};
     table.struct_size = sizeof table;
     py::ssize_t count = -1;
     for (const auto& item : arrays) {
         const auto name = text_of(item.first);
-        const Field<Table>* found = nullptr;
-        for (const auto& field : fields) {
-            found = name == field.name ? &field : found;
-        }
-        if (!found) {
+        const auto found = std::find_if(fields.begin(), fields.end(), [&](const auto& field) { return name == field.name; });
+        if (found == fields.end()) {
             throw py::type_error(std::string(table_name) + " has no field '" + name + "'; it has " + names_of(fields));
         }
         table.*(found->view) = view_of(std::string(table_name) + "." + name, py::reinterpret_borrow<py::object>(item.second),
-                                       found->components, found->kind, false, ordering, keep, count);
+                                       static_cast<py::ssize_t>(found->components), found->kind, false, ordering, keep, count);
     }
     if (count > INT32_MAX - 1) {
         throw py::value_error(std::string(table_name) + " has " + std::to_string(count) + " elements; at most 2^31 - 2 fit");
     }
     table.count = count < 0 ? 0 : static_cast<std::uint32_t>(count);
     return table;
-}
-
-template <std::size_t N>
-void add_results(cairn_results& results, const py::dict& arrays, const Field<cairn_results> (&fields)[N], std::uint32_t count,
-                 const Ordering& ordering, py::list& keep) {
-    for (const auto& field : fields) {
-        if (!arrays.contains(field.name) || py::object(arrays[field.name]).is_none()) {
-            continue;
-        }
-        py::ssize_t length = static_cast<py::ssize_t>(count);
-        results.*(field.view) =
-            view_of("out." + std::string(field.name), arrays[field.name], field.components, field.kind, true, ordering, keep, length);
-    }
 }
 
 } // namespace
@@ -342,16 +241,21 @@ BorrowedStep::BorrowedStep(double dt, const std::array<double, 3>& gravity, cons
     for (const py::dict& arrays : {body_arrays, contact_arrays, joint_arrays, row_arrays, out}) {
         keep.append(arrays);
     }
-    bodies = table_from("bodies", body_arrays, kBodies, ordering, keep);
-    contacts = table_from("contacts", contact_arrays, kContacts, ordering, keep);
-    joints = table_from("joints", joint_arrays, kJoints, ordering, keep);
-    rows = table_from("rows", row_arrays, kRows, ordering, keep);
+    bodies = table_from("bodies", body_arrays, cairn::kBodyTable, ordering, keep);
+    contacts = table_from("contacts", contact_arrays, cairn::kContactTable, ordering, keep);
+    joints = table_from("joints", joint_arrays, cairn::kJointTable, ordering, keep);
+    rows = table_from("rows", row_arrays, cairn::kRowTable, ordering, keep);
     results = {};
     results.struct_size = sizeof results;
-    add_results(results, out, kBodyResults, bodies.count, ordering, keep);
-    add_results(results, out, kContactResults, contacts.count, ordering, keep);
-    add_results(results, out, kJointResults, joints.count, ordering, keep);
-    add_results(results, out, kRowResults, rows.count, ordering, keep);
+    const std::uint32_t counts[] = {bodies.count, contacts.count, joints.count, rows.count};
+    for (const cairn::ResultField& field : cairn::kResultTable) {
+        if (!out.contains(field.name) || py::object(out[field.name]).is_none()) {
+            continue;
+        }
+        py::ssize_t length = static_cast<py::ssize_t>(counts[static_cast<std::size_t>(field.of)]);
+        results.*(field.view) = view_of("out." + std::string(field.name), out[field.name], static_cast<py::ssize_t>(field.components),
+                                        Kind::real, true, ordering, keep, length);
+    }
     step = {};
     step.struct_size = sizeof step;
     step.dt = dt;
