@@ -10,8 +10,11 @@ import inspect
 from typing import Callable
 
 from .chain import chain, chain_1m
+from .heaps import column, hub, inverted, mass_ratio, pile, pyramid
+from .jointed import cantilever, heavy_pendulum, joint_grid, windmill
 from .mechanisms import crank, joints, piston_position
 from .model import Body, Box, Capsule, Joint, Plane, Scene, Sphere
+from .motion import bounce, slope, spheres_666, tumble
 from .overlap import overlap
 from .stack import stack, stack_1m
 
@@ -23,6 +26,20 @@ SCENES: dict[str, Callable[..., Scene]] = {
     "overlap": overlap,
     "joints": joints,
     "crank": crank,
+    "windmill": windmill,
+    "column": column,
+    "pyramid": pyramid,
+    "mass-ratio": mass_ratio,
+    "inverted": inverted,
+    "hub": hub,
+    "pile": pile,
+    "heavy-pendulum": heavy_pendulum,
+    "joint-grid": joint_grid,
+    "cantilever": cantilever,
+    "slope": slope,
+    "bounce": bounce,
+    "666": spheres_666,
+    "tumble": tumble,
 }
 
 
