@@ -331,6 +331,38 @@ TEST(Contacts, ABoxLiesOnAMeshByFourPointsAcrossItsTriangles) {
     EXPECT_NEAR(ball.contacts.contacts()[0].separation, -0.01, 1e-9);
 }
 
+Geometry meshCube() {
+    auto model = std::make_shared<::fcl::BVHModel<::fcl::OBBRSSd>>();
+    const auto hull = boxMesh(1, 1, 1, true);
+    const std::vector<int>& faces = hull->getFaces();
+    model->beginModel();
+    for (std::size_t i = 0; i < faces.size(); i += 4) {
+        const auto corner = [&](std::size_t k) { return hull->getVertices()[static_cast<std::size_t>(faces[i + k])]; };
+        model->addTriangle(corner(1), corner(2), corner(3));
+    }
+    model->endModel();
+    return model;
+}
+
+TEST(Contacts, MeshesOfTrianglesTouchEachOtherAndHalfSpaces) {
+    for (const Geometry& below : {floorAt(0.5), meshCube()}) {
+        Set set;
+        set.add(meshCube(), at({0, 0.98, 0}, turn(0.3, {0, 1, 0})));
+        set.add(below, at({0, 0, 0}));
+        const std::vector<Contact>& found = set.find();
+        ASSERT_GE(found.size(), 3u);
+        for (const Contact& c : found) {
+            const Vector3d gap = set.center(c.bodyB) + vector(c.armB) - set.center(c.bodyA) - vector(c.armA);
+            EXPECT_LT((gap - c.separation * vector(c.normal)).norm(), 1e-14);
+            EXPECT_LE(c.separation, 0.01);
+        }
+        EXPECT_LT(
+            std::min_element(found.begin(), found.end(), [](const Contact& p, const Contact& q) { return p.separation < q.separation; })
+                ->separation,
+            -0.01);
+    }
+}
+
 TEST(Contacts, RefusalsSayWhatIsWrong) {
     Set set;
     Object& object = set.add(box(1, 1, 1), at({0, 0, 0}));

@@ -31,8 +31,10 @@ bool apart(const Object& a, const Object& b, double margin) {
     const Object *unbounded = nullptr, *object = &b;
     if (!isBounded(*a.collisionGeometry()))
         unbounded = &a;
-    else if (!isBounded(*b.collisionGeometry()))
-        unbounded = &b, object = &a;
+    else if (!isBounded(*b.collisionGeometry())) {
+        unbounded = &b;
+        object = &a;
+    }
     if (!unbounded)
         return a.getAABB().distance(b.getAABB()) > margin;
     const Vector3 origin = object->getTranslation();
@@ -146,13 +148,20 @@ struct Contacts::Implementation {
         const Pose pose(objectA, objectB);
         std::vector<Point> points;
         if (isMesh(geometryA) || isMesh(geometryB)) {
-            ::fcl::CollisionResultd own;
-            if (!result || swapped) {
-                const ::fcl::CollisionRequestd request(kMeshContacts, true);
-                ::fcl::collide(&geometryA, pose.poseA, &geometryB, pose.poseB, request, own);
-                points = meshPoints(geometryA, pose.poseA, geometryB, pose.poseB, Vector3::Zero(), own, margin);
+            if (result && !swapped) {
+                points =
+                    meshPoints(geometryA, objectA.getTransform(), geometryB, objectB.getTransform(), pose.origin, *result, true, margin);
             } else {
-                points = meshPoints(geometryA, objectA.getTransform(), geometryB, objectB.getTransform(), pose.origin, *result, margin);
+                ::fcl::CollisionResultd own;
+                bool hasPoints = true;
+                try {
+                    ::fcl::collide(&geometryA, pose.poseA, &geometryB, pose.poseB, ::fcl::CollisionRequestd(kMeshContacts, true), own);
+                } catch (const std::exception&) { // EPA gives up on some triangles: which ones touch it can tell all the same
+                    hasPoints = false;
+                    own.clear();
+                    ::fcl::collide(&geometryA, pose.poseA, &geometryB, pose.poseB, ::fcl::CollisionRequestd(kMeshContacts, false), own);
+                }
+                points = meshPoints(geometryA, pose.poseA, geometryB, pose.poseB, Vector3::Zero(), own, hasPoints, margin);
             }
         } else if (isBounded(geometryA) || isBounded(geometryB)) {
             Vector3 start;

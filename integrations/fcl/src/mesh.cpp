@@ -49,7 +49,7 @@ bool sameWay(const Point& point, const Vector3& normal) { return point.normal.do
 bool isMesh(const Geometry& geometry) { return geometry.getObjectType() == ::fcl::OT_BVH; }
 
 std::vector<Point> meshPoints(const Geometry& a, const Transform& poseA, const Geometry& b, const Transform& poseB, const Vector3& origin,
-                              const ::fcl::CollisionResultd& result, double margin) {
+                              const ::fcl::CollisionResultd& result, bool hasPoints, double margin) {
     const bool aIsMesh = isMesh(a), bIsMesh = isMesh(b);
     const bool swapped = bIsMesh && !aIsMesh; // FCL puts the mesh first, whichever came first in the call
     const Geometry& mesh = swapped ? b : a;
@@ -76,7 +76,7 @@ std::vector<Point> meshPoints(const Geometry& a, const Transform& poseA, const G
             if (!over.empty())
                 continue;
         }
-        if (std::abs(normal.squaredNorm() - 1) < 1e-6 && std::isfinite(contact.penetration_depth)) {
+        if (hasPoints && std::abs(normal.squaredNorm() - 1) < 1e-6 && std::isfinite(contact.penetration_depth)) {
             const Vector3 middle = contact.pos - origin;
             points.push_back(Point{middle + normal * (contact.penetration_depth / 2), normal, -contact.penetration_depth});
         }
