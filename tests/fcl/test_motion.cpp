@@ -97,7 +97,7 @@ TEST(Motion, TheSameBitsEachTimeAndWithAnyThreads) {
                 elsewhere.push_back(std::make_unique<char[]>(static_cast<std::size_t>(137 * (i % 7) + 1)));
             world.add(shapes[i % 4], Vector3d(0.6 * (i % 3), 0.5 + 0.6 * (i / 9), 0.6 * (i / 3 % 3)) + dice.vector(0.05), dice.turn());
         }
-        world.step(150);
+        world.step(80);
         EXPECT_GT(world.contacts.contacts().size(), 60u);
         hashes[run] = world.hash();
     }
