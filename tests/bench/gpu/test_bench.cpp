@@ -4,9 +4,9 @@
 #include <emulated.h>
 #include <gtest/gtest.h>
 
+#include <cctype>
 #include <cmath>
 #include <fstream>
-#include <regex>
 #include <set>
 #include <sstream>
 
@@ -132,7 +132,11 @@ TEST(Program, MeasuresAGpu) {
     EXPECT_EQ(executors, (std::set<std::string>{"block", "graph", "grid"}));
     for (const char* group : {"stack", "pile", "worlds"})
         EXPECT_TRUE(crossingIn(result.report, group, Who::cpu).measured) << group;
-    EXPECT_TRUE(std::regex_search(result.json, std::regex("\"share_of_copy_bandwidth\": [0-9]"))) << result.json;
+    const std::string share = "\"share_of_copy_bandwidth\": "; // null where it is not known
+    std::size_t at = 0, numbers = 0;
+    while ((at = result.json.find(share, at)) != std::string::npos)
+        numbers += std::isdigit(static_cast<unsigned char>(result.json[at += share.size()])) != 0 ? 1 : 0;
+    EXPECT_GT(numbers, 0u) << result.json;
     EXPECT_EQ(result.table.find("OTHER BITS"), std::string::npos);
 }
 
