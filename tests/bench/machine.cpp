@@ -1,5 +1,6 @@
 #include "machine.h"
 
+#include <ctime>
 #include <fstream>
 
 namespace cairn_bench {
@@ -17,6 +18,13 @@ std::string nvidiaDriver() {
     std::string line;
     std::getline(file, line);
     return line;
+}
+
+std::string now() {
+    const std::time_t time = std::time(nullptr);
+    char text[32] = "";
+    std::strftime(text, sizeof text, "%Y-%m-%d %H:%M UTC", std::gmtime(&time));
+    return text;
 }
 
 } // namespace cairn_bench

@@ -8,5 +8,7 @@ namespace cairn_bench {
 std::string processor();
 // The first line of /proc/driver/nvidia/version, "" without one.
 std::string nvidiaDriver();
+// "2026-01-31 12:00 UTC"
+std::string now();
 
 } // namespace cairn_bench

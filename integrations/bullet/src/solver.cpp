@@ -9,6 +9,7 @@
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstddef>
 #include <cstdio>
 #include <cstring>
@@ -188,6 +189,7 @@ struct ConstraintSolver::Implementation {
     std::vector<btTypedConstraint*> groupConstraints;
     int bodiesAnnounced = 0;
     bool groupsCame = false;
+    CopyTimes copyTimes = {0, 0};
 
     cairn_status fail(cairn_status failure, const char* text) {
         status = failure;
@@ -234,6 +236,10 @@ struct ConstraintSolver::Implementation {
     }
 
     cairn_status step(const btContactSolverInfo& info) {
+        using Clock = std::chrono::steady_clock;
+        const auto seconds = [](Clock::time_point from) { return std::chrono::duration<double>(Clock::now() - from).count(); };
+        const Clock::time_point begun = Clock::now();
+        copyTimes = CopyTimes{0, 0};
         tables.clear();
         bodies.beginStep();
         keys.beginStep();
@@ -266,15 +272,18 @@ struct ConstraintSolver::Implementation {
         input.contacts = tables.contacts.empty() ? nullptr : &contactTable;
         input.joints = tables.joints.empty() ? nullptr : &jointTable;
         input.rows = tables.rows.empty() ? nullptr : &rowTable;
+        copyTimes.gather = seconds(begun);
         const cairn_status solved = cairn_solver_step(solver, &input, &results);
         if (solved != CAIRN_OK)
             return solved;
+        const Clock::time_point came = Clock::now();
         constraints.scatter(info.m_timeStep); // before the bodies move
         scatterContacts(tables);
         if (landLater)
             bodies.scatter(info.m_timeStep, flights);
         else
             bodies.scatter(info.m_timeStep);
+        copyTimes.scatter = seconds(came);
         return CAIRN_OK;
     }
 
@@ -341,6 +350,8 @@ cairn_statistics ConstraintSolver::statistics() const {
         cairn_solver_get_statistics(m_implementation->solver, &statistics);
     return statistics;
 }
+
+ConstraintSolver::CopyTimes ConstraintSolver::copyTimes() const { return m_implementation->copyTimes; }
 
 cairn_solver* ConstraintSolver::handle() const { return m_implementation->solver; }
 

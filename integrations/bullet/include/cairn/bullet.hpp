@@ -60,6 +60,11 @@ class ConstraintSolver : public btConstraintSolver {
 
     // What the last step did (the last call to libcairn, where a world makes several in a step).
     cairn_statistics statistics() const;
+    // What that call took beside libcairn, in seconds: Bullet's state into tables, and results back.
+    struct CopyTimes {
+        double gather, scatter;
+    };
+    CopyTimes copyTimes() const;
     // For what has no call here: residual traces, split counts, saving the cache. NULL if creation failed.
     cairn_solver* handle() const;
 
