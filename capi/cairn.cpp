@@ -4,6 +4,7 @@
 #include "check_step.h"
 #include "config.h"
 #include "cpu/fp_env.h"
+#include "cpu/pool.h"
 #include "gpu/device.h"
 #include "params.h"
 #include "solver.h"
@@ -26,10 +27,22 @@
 using namespace cairn::capi;
 
 struct cairn_solver {
-    cairn_solver(std::unique_ptr<cairn::Solver> made, const cairn::Hooks& hooks) : core(std::move(made)), keys(hooks) {}
+    cairn_solver(std::unique_ptr<cairn::Solver> made, const cairn::Config& with)
+        : core(std::move(made)), keys(with.hooks), hooks(with.hooks), threads(with.threads) {}
+    // A device's solver has no threads on the host: they are started when the caller first wants some.
+    cairn::Pool& pool() {
+        if (cairn::Pool* of_steps = core->pool())
+            return *of_steps;
+        if (!own_pool)
+            own_pool = std::make_unique<cairn::Pool>(threads, hooks);
+        return *own_pool;
+    }
 
     std::unique_ptr<cairn::Solver> core;
     KeySet keys;
+    cairn::Hooks hooks;
+    std::uint32_t threads;
+    std::unique_ptr<cairn::Pool> own_pool;
     bool in_flight = false; // between cairn_solver_step_async and _wait
 };
 
@@ -202,7 +215,7 @@ cairn_status cairn_solver_create(const cairn_config* config, cairn_solver** solv
     return guarded([&] {
         check_pointer(solver, "solver");
         const cairn::Config checked = check_config(config);
-        auto made = std::make_unique<cairn_solver>(cairn::Solver::create(checked), checked.hooks);
+        auto made = std::make_unique<cairn_solver>(cairn::Solver::create(checked), checked);
         made->core->params = cairn::preset(cairn::Method::tjsoft, cairn::Preset::best);
         *solver = made.release();
     });
@@ -285,6 +298,18 @@ cairn_status cairn_solver_load_cache(cairn_solver* solver, const void* bytes, si
     });
 }
 
+cairn_status cairn_solver_parallel_for(cairn_solver* solver, uint32_t count, cairn_task task, void* argument) {
+    return guarded([&] {
+        core_of(solver);
+        check_pointer(reinterpret_cast<const void*>(task), "task");
+        const cairn::FpEnvironment environment; // of the parts that this thread runs
+        solver->pool().each(count, 1, [&](std::uint32_t begin, std::uint32_t end) {
+            for (std::uint32_t i = begin; i < end; ++i)
+                task(argument, i);
+        });
+    });
+}
+
 const cairn_api* cairn_get_api(uint32_t abi_version) {
     static constexpr cairn_api api = {
         sizeof(cairn_api),
@@ -308,6 +333,7 @@ const cairn_api* cairn_get_api(uint32_t abi_version) {
         cairn_solver_load_cache,
         cairn_solver_step_async,
         cairn_solver_wait,
+        cairn_solver_parallel_for,
     };
     return abi_version == CAIRN_ABI_VERSION ? &api : nullptr;
 }

@@ -73,6 +73,8 @@ struct RefusedOnDevice : std::runtime_error {
     Input input;
 };
 
+class Pool;
+
 class Solver {
   public:
     virtual ~Solver() = default;
@@ -93,6 +95,8 @@ class Solver {
     }
     // The CUDA device whose memory views may show; -1: none, host memory only.
     virtual int device() const { return -1; }
+    // The threads that its steps run on; NULL: none of the host's.
+    virtual Pool* pool() { return nullptr; }
     virtual const Statistics& statistics() const = 0;
     virtual std::span<const double> residual_trace() const = 0;
     virtual std::span<const std::uint32_t> split_counts() const = 0;

@@ -128,6 +128,7 @@ template <class S> class SolverOf final : public Solver {
         split_counts_.swap(scene_.split_counts); // no allocation once results are written
     }
 
+    Pool* pool() override { return &pool_; }
     const Statistics& statistics() const override { return statistics_; }
     std::span<const double> residual_trace() const override { return trace_; }
     std::span<const std::uint32_t> split_counts() const override { return split_counts_; }

@@ -19,10 +19,10 @@ constexpr Landing kLandings[] = {Landing::preImage, Landing::action, Landing::mi
 class TestWorld {
   public:
     explicit TestWorld(Behind behind = Behind::cairn, const btVector3& gravity = btVector3(0, btScalar(-9.81), 0),
-                       Landing landing = Landing::preImage) {
+                       Landing landing = Landing::preImage, uint32_t threads = 1) {
         cairn_config config = {};
         config.struct_size = sizeof config;
-        config.threads = 1;
+        config.threads = threads;
         if (behind == Behind::cairn) {
             auto made = std::make_unique<cairn::bullet::ConstraintSolver>(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT, &config);
             cairn = made.get();

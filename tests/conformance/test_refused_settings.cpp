@@ -222,7 +222,7 @@ TEST_F(RefusedSettings, NamesAndTable) {
     ASSERT_NE(api, nullptr);
     EXPECT_EQ(api->struct_size, sizeof *api);
     EXPECT_EQ(api->solver_load_cache, &cairn_solver_load_cache);
-    EXPECT_EQ(api->solver_wait, &cairn_solver_wait); // the last entry
+    EXPECT_EQ(api->solver_parallel_for, &cairn_solver_parallel_for); // the last entry
     std::uint32_t axes[6];
     ASSERT_EQ(cairn_joint_axes(CAIRN_JOINT_HINGE, axes), CAIRN_OK);
     EXPECT_EQ(axes[4], CAIRN_AXIS_LOCKED);

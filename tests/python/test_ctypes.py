@@ -103,6 +103,7 @@ class Api(c.Structure):
         ("solver_load_cache", c.CFUNCTYPE(Status, Solver, c.c_void_p, c.c_size_t)),
         ("solver_step_async", c.CFUNCTYPE(Status, Solver, c.POINTER(Step), c.POINTER(Results))),
         ("solver_wait", c.CFUNCTYPE(Status, Solver)),
+        ("solver_parallel_for", c.CFUNCTYPE(Status, Solver, c.c_uint32, c.c_void_p, c.c_void_p)),
     )
 
 

@@ -443,6 +443,11 @@ CAIRN_API cairn_status cairn_solver_reset(cairn_solver *solver);
 CAIRN_API cairn_status cairn_solver_save_cache(const cairn_solver *solver, void *bytes, size_t capacity, size_t *size);
 CAIRN_API cairn_status cairn_solver_load_cache(cairn_solver *solver, const void *bytes, size_t size);
 
+/* task(argument, i) for every i in 0 ... count - 1 on the threads that the solver steps with (cairn_config's), for what a caller does around a
+ * step, such as packing its tables; returns when all are done. Neighbours are mostly run one after another on one thread. In the solver's
+ * floating-point environment: rounding to nearest, subnormals kept. No task may call the solver or throw. */
+CAIRN_API cairn_status cairn_solver_parallel_for(cairn_solver *solver, uint32_t count, cairn_task task, void *argument);
+
 /* Every call above as a table, so that a loader needs one symbol. Grows at its end only; struct_size says how far. */
 typedef struct cairn_api {
     uint32_t struct_size;
@@ -466,6 +471,7 @@ typedef struct cairn_api {
     cairn_status (*solver_load_cache)(cairn_solver *, const void *, size_t);
     cairn_status (*solver_step_async)(cairn_solver *, const cairn_step *, const cairn_results *);
     cairn_status (*solver_wait)(cairn_solver *);
+    cairn_status (*solver_parallel_for)(cairn_solver *, uint32_t, cairn_task, void *);
 } cairn_api;
 
 /* NULL if this library does not have that version (pass CAIRN_ABI_VERSION). */

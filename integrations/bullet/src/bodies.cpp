@@ -34,6 +34,8 @@ btVector3 landed(const btVector3& v, const btScalar (&average)[3], const btScala
 void Bodies::beginStep() {
     ++m_step;
     m_outsideWorld.clear();
+    m_objects.clear();
+    m_movable.clear();
     m_fixed = &btTypedConstraint::getFixedBody();
 }
 
@@ -58,9 +60,23 @@ int Bodies::indexOf(btCollisionObject& object) {
 }
 
 int Bodies::add(btCollisionObject& object) {
-    const int index = static_cast<int>(m_tables.bodies.size());
-    m_tables.bodies.emplace_back(); // zeroed: static until found otherwise
-    BodyRecord& record = m_tables.bodies.back();
+    const int index = static_cast<int>(m_objects.size());
+    btRigidBody* body = btRigidBody::upcast(&object);
+    const bool moves = body && object.isActive() && !object.isStaticOrKinematicObject() && body->getInvMass() > btScalar(0);
+    m_objects.push_back(&object);
+    m_tables.bodyOwners.push_back(moves ? body : nullptr);
+    if (moves)
+        m_movable.push_back(static_cast<uint32_t>(index));
+    return index;
+}
+
+void Bodies::gather(const Loops& loops) {
+    m_tables.bodies.resize(m_objects.size());
+    loops.each(m_objects.size(), 128, [&](std::size_t i) { fill(m_tables.bodies[i], *m_objects[i], m_tables.bodyOwners[i]); });
+}
+
+void Bodies::fill(BodyRecord& record, btCollisionObject& object, btRigidBody* owner) {
+    record = BodyRecord(); // zeroed: static until found otherwise
     const btTransform& pose = object.getWorldTransform();
     btQuaternion orientation;
     pose.getBasis().getRotation(orientation);
@@ -69,11 +85,8 @@ int Bodies::add(btCollisionObject& object) {
     store(record.linearFactor, btVector3(1, 1, 1));
     store(record.angularFactor, btVector3(1, 1, 1));
 
-    btRigidBody* body = btRigidBody::upcast(&object);
-    const bool active = object.isActive();
-    const bool moves = body && active && !object.isStaticOrKinematicObject() && body->getInvMass() > btScalar(0);
-    m_tables.bodyOwners.push_back(moves ? body : nullptr);
-    if (moves) {
+    const btRigidBody* body = btRigidBody::upcast(&object);
+    if (owner) {
         store(record.linearVelocity, body->getLinearVelocity());
         store(record.angularVelocity, body->getAngularVelocity());
         record.inverseMass = body->getInvMass();
@@ -86,63 +99,59 @@ int Bodies::add(btCollisionObject& object) {
             BT_ENABLE_GYROSCOPIC_FORCE_EXPLICIT | BT_ENABLE_GYROSCOPIC_FORCE_IMPLICIT_WORLD | BT_ENABLE_GYROSCOPIC_FORCE_IMPLICIT_BODY;
         if (!(body->getFlags() & gyroscopic))
             record.flags = CAIRN_BODY_NO_GYROSCOPIC;
-    } else if (body && active && object.isKinematicObject()) {
+    } else if (body && object.isActive() && object.isKinematicObject()) {
         store(record.linearVelocity, body->getLinearVelocity());
         store(record.angularVelocity, body->getAngularVelocity());
         record.flags = CAIRN_BODY_AT_END_POSE;
     }
-    return index;
 }
 
-void Bodies::scatter(btScalar dt) const {
-    for (std::size_t i = 0; i < m_tables.bodies.size(); ++i) {
-        btRigidBody* body = m_tables.bodyOwners[i];
-        if (!body)
-            continue;
-        const BodyRecord& record = m_tables.bodies[i];
-        body->setLinearVelocity(vector(record.linearVelocity));
-        body->setAngularVelocity(vector(record.angularVelocity));
+void Bodies::scatter(btScalar dt, const Loops& loops) const {
+    loops.each(m_movable.size(), 64, [&](std::size_t i) {
+        btRigidBody& body = *m_tables.bodyOwners[m_movable[i]];
+        const BodyRecord& record = m_tables.bodies[m_movable[i]];
+        body.setLinearVelocity(vector(record.linearVelocity));
+        body.setAngularVelocity(vector(record.angularVelocity));
 
         // After the solver the world integrates once more with the velocity that we leave, so leave the pose that this
         // takes to where the substeps ended. Integrating backwards from there finds it: Bullet's rotation increment,
         // its clamp of the angle included, is even in the sign of the velocity.
         // Where Bullet will sweep the shape along that path (CCD), the path must be the real one: after a bounce the
         // pre-image lies behind the wall. There, leave the start and let Bullet integrate, as behind its own solver.
-        const btVector3& linear = body->getLinearVelocity();
-        const btVector3& angular = body->getAngularVelocity();
-        const btScalar threshold = body->getCcdSquareMotionThreshold();
+        const btVector3& linear = body.getLinearVelocity();
+        const btVector3& angular = body.getAngularVelocity();
+        const btScalar threshold = body.getCcdSquareMotionThreshold();
         if (threshold > btScalar(0) && threshold < (linear * dt).length2())
-            continue;
+            return;
         const btTransform end(quaternion(record.orientation), vector(record.position));
         btTransform start;
         btTransformUtil::integrateTransform(end, -linear, -angular, dt, start);
-        body->setWorldTransform(start);
-    }
+        body.setWorldTransform(start);
+    });
 }
 
-void Bodies::scatter(btScalar dt, std::vector<Flight>& flights) const {
-    for (std::size_t i = 0; i < m_tables.bodies.size(); ++i) {
-        btRigidBody* body = m_tables.bodyOwners[i];
-        if (!body)
-            continue;
-        const BodyRecord& record = m_tables.bodies[i];
-        const btTransform& start = body->getWorldTransform();
+void Bodies::scatter(btScalar dt, std::vector<Flight>& flights, const Loops& loops) const {
+    const std::size_t before = flights.size();
+    flights.resize(before + m_movable.size());
+    loops.each(m_movable.size(), 64, [&](std::size_t i) {
+        btRigidBody& body = *m_tables.bodyOwners[m_movable[i]];
+        const BodyRecord& record = m_tables.bodies[m_movable[i]];
+        const btTransform& start = body.getWorldTransform();
         btQuaternion orientation;
         start.getBasis().getRotation(orientation);
-        body->setLinearVelocity((vector(record.position) - start.getOrigin()) / dt);
-        body->setAngularVelocity(turnRate(orientation, quaternion(record.orientation), dt));
+        body.setLinearVelocity((vector(record.position) - start.getOrigin()) / dt);
+        body.setAngularVelocity(turnRate(orientation, quaternion(record.orientation), dt));
 
-        flights.emplace_back();
-        Flight& flight = flights.back();
-        flight.body = body;
-        flight.worldIndex = body->getWorldArrayIndex();
+        Flight& flight = flights[before + i];
+        flight.body = &body;
+        flight.worldIndex = body.getWorldArrayIndex();
         store(flight.position, vector(record.position));
         store(flight.orientation, quaternion(record.orientation));
         store(flight.linear, vector(record.linearVelocity));
         store(flight.angular, vector(record.angularVelocity));
-        store(flight.averageLinear, body->getLinearVelocity());
-        store(flight.averageAngular, body->getAngularVelocity());
-    }
+        store(flight.averageLinear, body.getLinearVelocity());
+        store(flight.averageAngular, body.getAngularVelocity());
+    });
 }
 
 void land(const std::vector<Flight>& flights, btCollisionWorld& world) {

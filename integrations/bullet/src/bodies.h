@@ -1,5 +1,6 @@
 // Bodies of a step: which of Bullet's objects take part, under which index, and the way back.
 #pragma once
+#include "loops.h"
 #include "tables.h"
 
 #include <utility>
@@ -27,14 +28,18 @@ class Bodies {
     explicit Bodies(Tables& tables) : m_tables(tables) {}
 
     void beginStep();
-    // The object's index in tables.bodies, added at its first mention; CAIRN_WORLD for btTypedConstraint::getFixedBody().
+    // The object's index in tables.bodies-to-be, given at its first mention; CAIRN_WORLD for btTypedConstraint::getFixedBody().
     int indexOf(btCollisionObject& object);
     bool canMove(int index) const { return index >= 0 && m_tables.bodyOwners[static_cast<std::size_t>(index)] != nullptr; }
 
+    // Fills tables.bodies, once all have been mentioned.
+    void gather(const Loops& loops);
+    bool empty() const { return m_objects.empty(); }
+
     // Velocities, and the pose from which Bullet's own integration of this step lands on the solver's pose.
-    void scatter(btScalar dt) const;
+    void scatter(btScalar dt, const Loops& loops) const;
     // Or: the velocities that lead there, the rest in `flights`.
-    void scatter(btScalar dt, std::vector<Flight>& flights) const;
+    void scatter(btScalar dt, std::vector<Flight>& flights, const Loops& loops) const;
 
   private:
     int add(btCollisionObject& object);
@@ -43,7 +48,11 @@ class Bodies {
         uint64_t step;
         int index;
     };
+    static void fill(BodyRecord& record, btCollisionObject& object, btRigidBody* owner);
+
     Tables& m_tables;
+    std::vector<btCollisionObject*> m_objects;                      // of tables.bodies
+    std::vector<uint32_t> m_movable;                                // those of them that the step may move
     std::vector<Place> m_byWorldIndex;                              // by btCollisionObject::getWorldArrayIndex()
     std::vector<std::pair<btCollisionObject*, int>> m_outsideWorld; // the few that are in no world
     btCollisionObject* m_fixed = nullptr;

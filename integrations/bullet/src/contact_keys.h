@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <unordered_map>
+#include <vector>
 
 class btCollisionObject;
 class btPersistentManifold;
@@ -20,12 +21,18 @@ class ContactKeys {
   public:
     static constexpr int kPoints = 4; // MANIFOLD_CACHE_SIZE
 
+    static constexpr uint32_t kSeen = UINT32_MAX;
+
     void beginStep() { ++m_step; }
-    // Fills keys[0 ... manifold.getNumContacts() - 1].
-    void match(const btPersistentManifold& manifold, uint64_t (&keys)[kPoints]);
+    // A step's manifolds, each in three turns: first the place where it is remembered, kSeen if it came before in this step; then
+    // match(), which any number of threads may call at once for different places: fills keys[0 ... manifold.getNumContacts() - 1], with 0
+    // for a point that is new, and returns how many are; then new keys for those of a place, one call after another.
+    uint32_t place(const btPersistentManifold& manifold);
+    int match(uint32_t place, const btPersistentManifold& manifold, uint64_t (&keys)[kPoints]);
+    void number(uint32_t place, uint64_t (&keys)[kPoints]);
     // Forgets manifolds that have not been seen for a while.
     void endStep(std::size_t manifolds);
-    void clear() { m_manifolds.clear(); }
+    void clear();
 
   private:
     struct Point {
@@ -33,13 +40,17 @@ class ContactKeys {
         uint64_t key;
     };
     struct Remembered {
+        const btPersistentManifold* manifold = nullptr;
         const btCollisionObject* body0 = nullptr;
         const btCollisionObject* body1 = nullptr;
         uint64_t step = 0;
         int count = 0;
         Point points[kPoints];
     };
-    std::unordered_map<const btPersistentManifold*, Remembered> m_manifolds;
+    std::vector<Remembered> m_places;
+    std::vector<uint32_t> m_free;
+    std::unordered_map<const btPersistentManifold*, uint32_t> m_placeOf;
+    std::vector<uint32_t> m_byIndex; // by btPersistentManifold::m_index1a, the dispatcher's; a guess that saves the look-up
     uint64_t m_step = 0;
     uint64_t m_nextKey = 1; // 0 means no key
 };

@@ -93,18 +93,19 @@ Ellipse ellipseOf(const Anisotropy& scaled, const btVector3& normal) {
     return Ellipse{axis, btSqrt(mean + radius), btSqrt(btMax(mean - radius, btScalar(0)))};
 }
 
+// What follows writes to contact i of the tables; neither resizes them unless extra(i) has to.
+
 // Friction along directions that the user gave the point: as strong as they are long, and only along the first unless there are to
 // be two; it drives the slip to m_contactMotion.
-void useGivenDirections(const btManifoldPoint& point, bool two, Tables& tables) {
+void useGivenDirections(const btManifoldPoint& point, bool two, Tables& tables, std::size_t i) {
     const btVector3& normal = point.m_normalWorldOnB;
     const btVector3 first = acrossNormal(point.m_lateralFrictionDir1, normal), second = acrossNormal(point.m_lateralFrictionDir2, normal);
     const btScalar length1 = first.length(), length2 = two ? second.length() : btScalar(0);
-    store(tables.contacts.back().tangent, length1 > btScalar(0) ? first : second.cross(normal));
-    tables.tangents = true;
+    store(tables.contacts[i].tangent, length1 > btScalar(0) ? first : second.cross(normal));
     constexpr btScalar rounding = btScalar(1e-3);
     if (btFabs(length1 - 1) > rounding || btFabs(length2 - 1) > rounding) {
-        tables.extra().frictionScale[0] = length1;
-        tables.extra().frictionScale[1] = length2;
+        tables.extra(i).frictionScale[0] = length1;
+        tables.extra(i).frictionScale[1] = length2;
     }
     btVector3 motion(0, 0, 0);
     if (length1 > btScalar(0))
@@ -112,27 +113,26 @@ void useGivenDirections(const btManifoldPoint& point, bool two, Tables& tables) 
     if (length2 > btScalar(0))
         motion += second * (point.m_contactMotion2 / (length2 * length2));
     if (!motion.isZero())
-        store(tables.extra().surfaceVelocity, motion);
+        store(tables.extra(i).surfaceVelocity, motion);
 }
 
-void useAnisotropicFriction(const btManifoldPoint& point, const Anisotropy& scaled, Tables& tables) {
+void useAnisotropicFriction(const btManifoldPoint& point, const Anisotropy& scaled, Tables& tables, std::size_t i) {
     const Ellipse ellipse = ellipseOf(scaled, point.m_normalWorldOnB);
-    store(tables.contacts.back().tangent, ellipse.axis);
-    tables.tangents = true;
-    tables.extra().frictionScale[0] = ellipse.longer;
-    tables.extra().frictionScale[1] = ellipse.shorter;
+    store(tables.contacts[i].tangent, ellipse.axis);
+    tables.extra(i).frictionScale[0] = ellipse.longer;
+    tables.extra(i).frictionScale[1] = ellipse.shorter;
 }
 
 // Where the two surfaces' points have slid apart, friction pulls them together again by m_frictionERP of the gap in this step.
-void useAnchor(const btManifoldPoint& point, const btContactSolverInfo& info, Tables& tables) {
+void useAnchor(const btManifoldPoint& point, const btContactSolverInfo& info, Tables& tables, std::size_t i) {
     const btVector3 gap = acrossNormal(point.getPositionWorldOnA() - point.getPositionWorldOnB(), point.m_normalWorldOnB);
-    btScalar(&target)[3] = tables.extra().surfaceVelocity;
+    btScalar(&target)[3] = tables.extra(i).surfaceVelocity;
     store(target, vector(target) - gap * (info.m_frictionERP / info.m_timeStep));
 }
 
 // Stock scales each axis of rolling friction before it knows where the bodies roll; here the coefficient is that along the axis
 // about which they do, or the largest.
-void useRollingFriction(const btManifoldPoint& point, const Anisotropy& scaled, Tables& tables) {
+void useRollingFriction(const btManifoldPoint& point, const Anisotropy& scaled, Tables& tables, std::size_t i) {
     btScalar share = 1;
     if (scaled.any()) {
         const btRigidBody *body0 = btRigidBody::upcast(scaled.objects[0]), *body1 = btRigidBody::upcast(scaled.objects[1]);
@@ -141,14 +141,14 @@ void useRollingFriction(const btManifoldPoint& point, const Anisotropy& scaled, 
         const btVector3 roll = acrossNormal(turn, point.m_normalWorldOnB);
         share = roll.length2() > SIMD_EPSILON ? scaled(roll.normalized()).length() : ellipseOf(scaled, point.m_normalWorldOnB).longer;
     }
-    ContactExtra& extra = tables.extra();
+    ContactExtra& extra = tables.extra(i);
     extra.rollingFriction = point.m_combinedRollingFriction * share;
     extra.spinningFriction = btMax(point.m_combinedSpinningFriction, btScalar(0));
 }
 
 // A contact's cfm and erp are those of a spring and damper in the step's dt: cfm = 1 / (dt k + d), erp = dt k / (dt k + d). A rigid
 // one (cfm 0) keeps the method's own bias.
-void soften(const btManifoldPoint& point, const btContactSolverInfo& info, Tables& tables) {
+void soften(const btManifoldPoint& point, const btContactSolverInfo& info, Tables& tables, std::size_t i) {
     const int flags = point.m_contactPointFlags;
     btScalar stiffness, damping;
     if (flags & (BT_CONTACT_FLAG_HAS_CONTACT_CFM | BT_CONTACT_FLAG_HAS_CONTACT_ERP)) {
@@ -162,52 +162,124 @@ void soften(const btManifoldPoint& point, const btContactSolverInfo& info, Table
         stiffness = point.m_combinedContactStiffness1;
         damping = point.m_combinedContactDamping1;
     }
-    tables.extra().stiffness = clamped(stiffness, 0, btScalar(1e30)); // one without either would be rigid to Cairn
-    tables.extra().damping = clamped(damping, btScalar(SIMD_EPSILON), btScalar(1e30));
+    tables.extra(i).stiffness = clamped(stiffness, 0, btScalar(1e30)); // one without either would be rigid to Cairn
+    tables.extra(i).damping = clamped(damping, btScalar(SIMD_EPSILON), btScalar(1e30));
 }
+
+// What few points have, found by fill().
+enum Feature : uint8_t { kTangents = 1, kExtras = 2, kPredictive = 4 };
+
+bool givesDirections(const btManifoldPoint& point, const btContactSolverInfo& info) {
+    return (info.m_solverMode & SOLVER_ENABLE_FRICTION_DIRECTION_CACHING) &&
+           (point.m_contactPointFlags & BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED);
+}
+constexpr int kSoft = BT_CONTACT_FLAG_HAS_CONTACT_CFM | BT_CONTACT_FLAG_HAS_CONTACT_ERP | BT_CONTACT_FLAG_CONTACT_STIFFNESS_DAMPING;
+
+void prefetch(const void* address) {
+#if defined(__GNUC__)
+    __builtin_prefetch(address);
+#else
+    (void)address;
+#endif
+}
+
+// Bullet's manifolds point at const objects although their users change them.
+btCollisionObject& object0Of(const btPersistentManifold& manifold) { return *const_cast<btCollisionObject*>(manifold.getBody0()); }
+btCollisionObject& object1Of(const btPersistentManifold& manifold) { return *const_cast<btCollisionObject*>(manifold.getBody1()); }
 
 } // namespace
 
-void gatherContacts(btPersistentManifold& manifold, btDispatcher* dispatcher, const btContactSolverInfo& info, Bodies& bodies,
-                    ContactKeys& keys, Tables& tables) {
-    const int count = manifold.getNumContacts();
-    // Bullet's manifolds point at const objects although their users change them.
-    btCollisionObject* object0 = const_cast<btCollisionObject*>(manifold.getBody0());
-    btCollisionObject* object1 = const_cast<btCollisionObject*>(manifold.getBody1());
-    if (count == 0 || (dispatcher && !dispatcher->needsResponse(object0, object1)))
-        return;
-    const int index0 = bodies.indexOf(*object0);
-    const int index1 = bodies.indexOf(*object1);
-    if (!bodies.canMove(index0) && !bodies.canMove(index1))
-        return;
+void Contacts::choose(const std::vector<btPersistentManifold*>& manifolds, btDispatcher* dispatcher) {
+    constexpr std::size_t ahead = 16; // a manifold's head lies behind its points, in a line or two of its own
+    m_entries.clear();
+    uint32_t points = 0;
+    for (std::size_t i = 0; i < manifolds.size(); ++i) {
+        if (i + ahead < manifolds.size()) {
+            const char* const head = reinterpret_cast<const char*>(&manifolds[i + ahead]->m_index1a);
+            prefetch(head);
+            prefetch(head - 40);
+        }
+        btPersistentManifold& manifold = *manifolds[i];
+        const int count = manifold.getNumContacts();
+        btCollisionObject &object0 = object0Of(manifold), &object1 = object1Of(manifold);
+        if (count == 0 || (dispatcher && !dispatcher->needsResponse(&object0, &object1)))
+            continue;
+        const int index0 = m_bodies.indexOf(object0), index1 = m_bodies.indexOf(object1);
+        if (!m_bodies.canMove(index0) && !m_bodies.canMove(index1))
+            continue;
+        const uint32_t place = m_keys.place(manifold);
+        if (place == ContactKeys::kSeen)
+            continue;
+        m_entries.push_back(Entry{&manifold, index0, index1, place, points, static_cast<uint8_t>(count), 0, 0, 0});
+        points += static_cast<uint32_t>(count);
+    }
+    m_tables.contacts.resize(points);
+    m_tables.contactOwners.resize(points);
+}
 
+void Contacts::gather(const std::vector<btPersistentManifold*>& manifolds, btDispatcher* dispatcher, const btContactSolverInfo& info,
+                      const Loops& loops) {
+    constexpr std::size_t grain = 64;
+    m_keys.beginStep();
+    choose(manifolds, dispatcher);
+    loops.each(m_entries.size(), grain, [&](std::size_t i) { fill(m_entries[i], info); });
+
+    int features = 0, left = 0;
+    for (const Entry& entry : m_entries) {
+        features |= entry.features;
+        left |= entry.left;
+        if (entry.fresh > 0)
+            number(entry);
+        if (entry.features & kPredictive)
+            bounce(entry);
+    }
+    m_tables.tangents = (features & kTangents) != 0;
+    if (features & kExtras)
+        m_tables.contactExtras.resize(m_tables.contacts.size(), ContactExtra::none());
+    const auto use = [&](std::size_t i) {
+        if (m_entries[i].features & (kTangents | kExtras))
+            useFeatures(m_entries[i], info);
+    };
+    if (features & kExtras)
+        loops.each(m_entries.size(), grain, use);
+    else if (features & kTangents) // which may need extras, or not
+        for (std::size_t i = 0; i < m_entries.size(); ++i)
+            use(i);
+    if (left)
+        closeGaps();
+    m_keys.endStep(manifolds.size());
+}
+
+void Contacts::fill(Entry& entry, const btContactSolverInfo& info) {
+    btPersistentManifold& manifold = *entry.manifold;
+    const btCollisionObject &object0 = object0Of(manifold), &object1 = object1Of(manifold);
     // The normal points from body 1 to body 0, so Cairn's a is body 1 and b is body 0.
     uint32_t flags = 0;
-    if (isRound(*object1, info.m_timeStep))
+    if (isRound(object1, info.m_timeStep))
         flags |= CAIRN_CONTACT_ROUND_A;
-    if (isRound(*object0, info.m_timeStep))
+    if (isRound(object0, info.m_timeStep))
         flags |= CAIRN_CONTACT_ROUND_B;
     uint64_t pointKeys[ContactKeys::kPoints];
-    keys.match(manifold, pointKeys);
-    const btVector3& center0 = object0->getWorldTransform().getOrigin();
-    const btVector3& center1 = object1->getWorldTransform().getOrigin();
+    entry.fresh = static_cast<uint8_t>(m_keys.match(entry.place, manifold, pointKeys));
+    const btVector3& center0 = object0.getWorldTransform().getOrigin();
+    const btVector3& center1 = object1.getWorldTransform().getOrigin();
     const btScalar threshold = manifold.getContactProcessingThreshold();
-    const Anisotropy slides = {{object0, object1}, btCollisionObject::CF_ANISOTROPIC_FRICTION};
-    const Anisotropy rolls = {{object0, object1}, btCollisionObject::CF_ANISOTROPIC_ROLLING_FRICTION};
-    constexpr int softFlags = BT_CONTACT_FLAG_HAS_CONTACT_CFM | BT_CONTACT_FLAG_HAS_CONTACT_ERP | BT_CONTACT_FLAG_CONTACT_STIFFNESS_DAMPING;
-    for (int i = 0; i < count; ++i) {
+    const bool slides = Anisotropy{{&object0, &object1}, btCollisionObject::CF_ANISOTROPIC_FRICTION}.any();
+    for (int i = 0; i < entry.count; ++i) {
         btManifoldPoint& point = manifold.getContactPoint(i);
-        if (!(point.getDistance() <= threshold))
-            continue;
         const btScalar square = point.m_normalWorldOnB.length2();
-        if (square <= SIMD_EPSILON) // no direction to push in
+        const std::size_t at = entry.first + static_cast<std::size_t>(i);
+        if (!(point.getDistance() <= threshold) || square <= SIMD_EPSILON) { // or no direction to push in
+            m_tables.contactOwners[at] = nullptr;
+            ++entry.left;
             continue;
-        tables.contacts.emplace_back();
-        tables.contactOwners.push_back(&point);
-        ContactRecord& record = tables.contacts.back();
+        }
+        m_tables.contactOwners[at] = &point;
+        ContactRecord& record = m_tables.contacts[at];
+        record = ContactRecord();
         record.key = pointKeys[i];
-        record.bodyA = index1;
-        record.bodyB = index0;
+        record.bodyA = entry.body1;
+        record.bodyB = entry.body0;
         record.flags = flags;
         const bool isUnit = btFabs(square - 1) < btScalar(1e-3); // or a callback has left it long
         store(record.normal, isUnit ? point.m_normalWorldOnB : point.m_normalWorldOnB / btSqrt(square));
@@ -215,39 +287,92 @@ void gatherContacts(btPersistentManifold& manifold, btDispatcher* dispatcher, co
         store(record.armB, point.getPositionWorldOnA() - center0);
         record.separation = point.getDistance() + info.m_linearSlop;
         record.friction = btMax(point.m_combinedFriction, btScalar(0));
-        const btScalar restitution =
-            isPredictive(point) ? gCalculateCombinedRestitutionCallback(object0, object1) : point.m_combinedRestitution;
-        record.restitution = clamped(restitution, btScalar(0), btScalar(1));
-        const int pointFlags = point.m_contactPointFlags;
-        if ((info.m_solverMode & SOLVER_ENABLE_FRICTION_DIRECTION_CACHING) && (pointFlags & BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED))
-            useGivenDirections(point, (info.m_solverMode & SOLVER_USE_2_FRICTION_DIRECTIONS) != 0, tables);
-        else if (slides.any())
-            useAnisotropicFriction(point, slides, tables);
-        if (pointFlags & BT_CONTACT_FLAG_FRICTION_ANCHOR)
-            useAnchor(point, info, tables);
-        if (pointFlags & softFlags)
-            soften(point, info, tables);
-        if (point.m_combinedRollingFriction > btScalar(0))
-            useRollingFriction(point, rolls, tables);
+        record.restitution = clamped(point.m_combinedRestitution, btScalar(0), btScalar(1));
+        const bool extra =
+            (point.m_contactPointFlags & (BT_CONTACT_FLAG_FRICTION_ANCHOR | kSoft)) || point.m_combinedRollingFriction > btScalar(0);
+        int features = extra ? kExtras : 0;
+        if (givesDirections(point, info))
+            features |= kTangents;
+        else if (slides)
+            features |= kTangents | kExtras;
+        if (isPredictive(point))
+            features |= kPredictive;
+        entry.features = static_cast<uint8_t>(entry.features | features);
     }
 }
 
-void scatterContacts(const Tables& tables) {
+void Contacts::useFeatures(const Entry& entry, const btContactSolverInfo& info) {
+    btPersistentManifold& manifold = *entry.manifold;
+    const btCollisionObject &object0 = object0Of(manifold), &object1 = object1Of(manifold);
+    const Anisotropy slides = {{&object0, &object1}, btCollisionObject::CF_ANISOTROPIC_FRICTION};
+    const Anisotropy rolls = {{&object0, &object1}, btCollisionObject::CF_ANISOTROPIC_ROLLING_FRICTION};
+    for (std::size_t at = entry.first; at < entry.first + std::size_t{entry.count}; ++at) {
+        if (!m_tables.contactOwners[at])
+            continue;
+        const btManifoldPoint& point = *m_tables.contactOwners[at];
+        if (givesDirections(point, info))
+            useGivenDirections(point, (info.m_solverMode & SOLVER_USE_2_FRICTION_DIRECTIONS) != 0, m_tables, at);
+        else if (slides.any())
+            useAnisotropicFriction(point, slides, m_tables, at);
+        if (point.m_contactPointFlags & BT_CONTACT_FLAG_FRICTION_ANCHOR)
+            useAnchor(point, info, m_tables, at);
+        if (point.m_contactPointFlags & kSoft)
+            soften(point, info, m_tables, at);
+        if (point.m_combinedRollingFriction > btScalar(0))
+            useRollingFriction(point, rolls, m_tables, at);
+    }
+}
+
+void Contacts::bounce(const Entry& entry) {
+    for (std::size_t at = entry.first; at < entry.first + std::size_t{entry.count}; ++at)
+        if (m_tables.contactOwners[at] && isPredictive(*m_tables.contactOwners[at])) {
+            const btScalar restitution = gCalculateCombinedRestitutionCallback(&object0Of(*entry.manifold), &object1Of(*entry.manifold));
+            m_tables.contacts[at].restitution = clamped(restitution, btScalar(0), btScalar(1));
+        }
+}
+
+void Contacts::number(const Entry& entry) {
+    uint64_t keys[ContactKeys::kPoints];
+    m_keys.number(entry.place, keys);
+    for (std::size_t i = 0; i < entry.count; ++i)
+        m_tables.contacts[entry.first + i].key = keys[i];
+}
+
+void Contacts::closeGaps() {
+    std::vector<ContactExtra>& extras = m_tables.contactExtras;
+    std::size_t kept = 0, keptExtras = 0;
+    for (std::size_t i = 0; i < m_tables.contacts.size(); ++i) {
+        if (!m_tables.contactOwners[i])
+            continue;
+        m_tables.contacts[kept] = m_tables.contacts[i];
+        m_tables.contactOwners[kept] = m_tables.contactOwners[i];
+        if (i < extras.size()) {
+            extras[kept] = extras[i];
+            keptExtras = kept + 1;
+        }
+        ++kept;
+    }
+    m_tables.contacts.resize(kept);
+    m_tables.contactOwners.resize(kept);
+    extras.resize(keptExtras, ContactExtra::none());
+}
+
+void Contacts::scatter(const Loops& loops) const {
     // the directions need not be unit where they are the user's
     const auto along = [](const btVector3& direction, const btVector3& impulse) {
         const btScalar square = direction.length2();
         return square > btScalar(0) ? impulse.dot(direction) / square : btScalar(0);
     };
-    for (std::size_t i = 0; i < tables.contacts.size(); ++i) {
-        const ContactRecord& record = tables.contacts[i];
-        btManifoldPoint& point = *tables.contactOwners[i];
+    loops.each(m_tables.contacts.size(), 256, [&](std::size_t i) {
+        const ContactRecord& record = m_tables.contacts[i];
+        btManifoldPoint& point = *m_tables.contactOwners[i];
         const btVector3 friction = vector(record.frictionImpulse); // on body 0
         point.m_appliedImpulse = record.impulse;
         if (!(point.m_contactPointFlags & BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED))
             btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
         point.m_appliedImpulseLateral1 = along(point.m_lateralFrictionDir1, friction);
         point.m_appliedImpulseLateral2 = along(point.m_lateralFrictionDir2, friction);
-    }
+    });
 }
 
 } // namespace bullet

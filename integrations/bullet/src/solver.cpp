@@ -159,7 +159,7 @@ struct ConstraintSolver::Implementation {
 
     Tables tables;
     Bodies bodies{tables};
-    ContactKeys keys;
+    Contacts contacts{tables, bodies};
     Constraints constraints{tables, bodies};
 
     // Bodies of the groups that were solved since the last landing, where the landing comes after integrateTransforms().
@@ -242,7 +242,6 @@ struct ConstraintSolver::Implementation {
         copyTimes = CopyTimes{0, 0};
         tables.clear();
         bodies.beginStep();
-        keys.beginStep();
         constraints.beginStep();
         for (btCollisionObject* object : groupBodies) {
             object->setCompanionId(-1); // as the stock solver leaves it; the island manager counts on it
@@ -250,12 +249,12 @@ struct ConstraintSolver::Implementation {
         }
         for (btTypedConstraint* constraint : groupConstraints)
             constraints.gather(*constraint, info);
-        for (btPersistentManifold* manifold : groupManifolds)
-            gatherContacts(*manifold, dispatcher, info, bodies, keys, tables);
-        keys.endStep(groupManifolds.size());
+        const Loops loops(solver);
+        contacts.gather(groupManifolds, dispatcher, info, loops);
         constraints.endStep();
-        if (tables.bodies.empty())
+        if (bodies.empty())
             return CAIRN_OK;
+        bodies.gather(loops);
 
         const cairn_status set = applyParams(info);
         if (set != CAIRN_OK)
@@ -278,11 +277,11 @@ struct ConstraintSolver::Implementation {
             return solved;
         const Clock::time_point came = Clock::now();
         constraints.scatter(info.m_timeStep); // before the bodies move
-        scatterContacts(tables);
+        contacts.scatter(loops);
         if (landLater)
-            bodies.scatter(info.m_timeStep, flights);
+            bodies.scatter(info.m_timeStep, flights, loops);
         else
-            bodies.scatter(info.m_timeStep);
+            bodies.scatter(info.m_timeStep, loops);
         copyTimes.scatter = seconds(came);
         return CAIRN_OK;
     }
@@ -419,7 +418,7 @@ void ConstraintSolver::landLater(bool later) {
 void ConstraintSolver::land(btCollisionWorld& world) { m_implementation->land(world); }
 
 void ConstraintSolver::reset() {
-    m_implementation->keys.clear();
+    m_implementation->contacts.clear();
     m_implementation->constraints.clear();
     if (m_implementation->solver)
         cairn_solver_reset(m_implementation->solver);

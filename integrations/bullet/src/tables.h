@@ -5,6 +5,7 @@
 #include <LinearMath/btScalar.h>
 #include <LinearMath/btTransform.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -111,11 +112,12 @@ struct ConstraintSlot {
     std::size_t rowCount;
 };
 
+// Bodies and contacts are not emptied between steps but given their new size at once and filled in parallel, every field of them.
 struct Tables {
     std::vector<BodyRecord> bodies;
-    std::vector<btRigidBody*> bodyOwners; // parallel to bodies; NULL for what the step may not move
+    std::vector<btRigidBody*> bodyOwners; // parallel to bodies, or ahead of it; NULL for what the step may not move
     std::vector<ContactRecord> contacts;
-    std::vector<btManifoldPoint*> contactOwners; // parallel to contacts
+    std::vector<btManifoldPoint*> contactOwners; // parallel to contacts; while they are gathered NULL where a point takes no part
     std::vector<ContactExtra> contactExtras;
     std::vector<JointRecord> joints;
     std::vector<RowRecord> rows;
@@ -125,20 +127,17 @@ struct Tables {
     bool bounded = false;  // some joint's force is bounded
 
     void clear() {
-        bodies.clear();
         bodyOwners.clear();
-        contacts.clear();
-        contactOwners.clear();
         contactExtras.clear();
         joints.clear();
         rows.clear();
         constraints.clear();
         tangents = drives = bounded = false;
     }
-    // Of the last contact.
-    ContactExtra& extra() {
-        contactExtras.resize(contacts.size(), ContactExtra::none());
-        return contactExtras.back();
+    ContactExtra& extra(std::size_t contact) {
+        if (contact >= contactExtras.size())
+            contactExtras.resize(contact + 1, ContactExtra::none());
+        return contactExtras[contact];
     }
 };
 
