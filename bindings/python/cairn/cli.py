@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Callable
 
@@ -25,6 +27,8 @@ ABOUT = {
     "tjsoft": "substeps of pjsoft",
     "stock": "Bullet's own projected Gauss-Seidel",
     "stock-substeps": "the same through stepSimulation(dt, n, dt / n)",
+    "nncg": "Bullet's own nonlinear conjugate gradients over its projected Gauss-Seidel",
+    "dantzig": "Bullet's own direct solver (Dantzig's)",
 }
 _REPLAY_SAMPLES = 600  # poses of a replay: enough for ten seconds at sixty a second
 
@@ -257,6 +261,31 @@ def _command_fclib(arguments: argparse.Namespace) -> None:
         _write_json(found, arguments.json)
 
 
+def _command_report(arguments: argparse.Namespace) -> None:
+    from . import report  # only here: matplotlib takes a while to load
+
+    plan = report.QUICK if arguments.quick else report.FULL
+    chosen = (
+        None if arguments.scenes is None else [name.strip() for name in arguments.scenes.split(",") if name.strip()]
+    )
+    for name in chosen or ():
+        _checked_scene(name)
+    if chosen == []:
+        raise UsageError(f"--scenes names none; there are {', '.join(scenes.SCENES)}")
+    if arguments.frames is not None:
+        try:
+            plan = replace(plan, frames=arguments.frames)
+        except ValueError as error:
+            raise UsageError(f"--frames: {error}") from error
+    out = Path(arguments.out)
+    given = ["--quick"] if arguments.quick else []
+    given += [] if chosen is None else ["--scenes", ",".join(chosen)]
+    given += [] if arguments.frames is None else ["--frames", str(arguments.frames)]
+    command = shlex.join(["./dev", "report", str(out), *given])
+    page = report.report(out, plan, chosen, arguments.jobs, arguments.resume, command)
+    print(f"Look at  {page.resolve().as_uri()}")
+
+
 def _print_fclib(one: dict[str, Any]) -> None:
     kinds = {True: ", coupled", False: ", uncoupled: no contact joins two bodies that move", None: ""}
     print(f"{one['name']}: {one['contacts']} contacts, {one['form']}{kinds[one['coupled']]}")
@@ -380,6 +409,27 @@ def parser() -> argparse.ArgumentParser:
     problems.add_argument("--precision", type=int, choices=(32, 64), default=32, help="of the sweeps (32)")
     problems.add_argument(
         "--json", metavar="FILE", help="write the results as JSON to FILE; - for standard output instead of the table"
+    )
+
+    examples = (
+        "examples:\n"
+        "  cairn report --quick\n"
+        "  cairn report out/report --scenes stack,chain --jobs 2\n\n"
+        "Each run is kept in OUT/cache, by scene, sizes, method, parameters, libcairn's build and the machine: an\n"
+        "interrupted report goes on where it stopped. --quick takes minutes, with few frames and small sizes; without\n"
+        "it, hours. The scenes heavy-pendulum, column, stack-1m and overlap have maps of their own."
+    )
+    study = add("report", "chart speed against accuracy, and where methods fail", examples, _command_report)
+    study.add_argument("out", nargs="?", default="out/report", metavar="OUT", help="folder to write to (%(default)s)")
+    study.add_argument("--quick", action="store_true", help="few frames and small sizes: minutes")
+    study.add_argument("--jobs", type=_positive, metavar="N", help="runs at a time, each on its own core (all cores)")
+    study.add_argument("--scenes", metavar="A,B", help="only these (all)")
+    study.add_argument("--frames", type=_positive, metavar="N", help="of every run but the maps' (--quick: 120)")
+    study.add_argument(
+        "--resume",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="take what is kept from before, or run all anew",
     )
     return top
 

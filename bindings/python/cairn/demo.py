@@ -17,6 +17,7 @@ import time
 from collections.abc import Sequence
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import Callable
 
 from tqdm import tqdm
 
@@ -84,7 +85,7 @@ def frames_that_fit(costs: dict[str, float], seconds: float) -> dict[str, int]:
     return fit
 
 
-class _Bar:
+class Bar:
     """One progress bar over many runs: its length is the runs' expected seconds, its text the runs that are going."""
 
     def __init__(self, costs: dict[Request, float], title: str) -> None:
@@ -114,28 +115,35 @@ class _Bar:
         self._bar.close()
 
 
-def _with_bar(
-    pool: workers.Pool, tasks: Sequence[workers.Task], costs: dict[Request, float], title: str
+def run_with_bar(
+    pool: workers.Pool,
+    tasks: Sequence[workers.Task],
+    costs: dict[Request, float],
+    title: str,
+    done: Callable[[workers.Task, Result], None] | None = None,
 ) -> list[Result]:
-    """Run tasks, the dearest first so that no core waits at the end; results in the tasks' order."""
+    """Run tasks, the dearest first so that no core waits at the end; results in the tasks' order.
+
+    costs: of a frame of each request, s or another unit. done: called, from any thread, as soon as a task is.
+    """
     order = sorted(tasks, key=lambda task: -costs[task.request] * task.frames)
-    bar = _Bar(costs, title)
+    bar = Bar(costs, title)
     bar.expect(order)
     try:
-        found = {result.request: result for result in pool.run(order, bar)}
+        found = {result.request: result for result in pool.run(order, bar, done)}
     finally:
         bar.close()
     return [found[task.request] for task in tasks]
 
 
-def _conditions(jobs: int, pinned: bool) -> str:
+def conditions_text(jobs: int, pinned: bool) -> str:
     if jobs == 1:
         return "medians, one run at a time, one solver thread"
     how = "each pinned to its own core" if pinned else "not pinned to cores"
     return f"medians, {jobs} runs at once, {how}, one solver thread each"
 
 
-def _machine() -> str:
+def machine() -> str:
     model = platform.processor() or platform.machine()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
@@ -143,10 +151,10 @@ def _machine() -> str:
             line.partition(":")[2].strip() for line in cpuinfo.read_text().splitlines() if line.startswith("model name")
         ]
         model = names[0] if names else model
-    return f"{model}, {_available()} cores, {platform.system()}"
+    return f"{model}, {available_cores()} cores, {platform.system()}"
 
 
-def _available() -> int:
+def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -155,7 +163,7 @@ def _arguments(given: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--frames", type=int, metavar="N", help=f"of every run; as many of {FRAMES} as fit by default")
     parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="default: %(default)s")
     parser.add_argument(
-        "--jobs", type=int, default=min(2, _available()), metavar="N",
+        "--jobs", type=int, default=min(2, available_cores()), metavar="N",
         help="runs at a time, each on a core of its own; 1 for the most careful times (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
@@ -179,7 +187,7 @@ def _run(
     """Results of everything that is wanted, and how many frames each scene was given."""
     everything = [request for requests_of in wanted.values() for request in requests_of]
     tasks = [workers.Task(request, CALIBRATION_FRAMES) for request in everything]
-    tried = _with_bar(pool, tasks, dict.fromkeys(everything, 1.0), "measuring what each run costs")
+    tried = run_with_bar(pool, tasks, dict.fromkeys(everything, 1.0), "measuring what each run costs")
     cost = {result.request: result.seconds / CALIBRATION_FRAMES for result in tried}
     per_frame = {scene: sum(cost[request] for request in wanted[scene]) for scene in wanted}
 
@@ -196,7 +204,7 @@ def _run(
         workers.Task(request, frames[request.scene], WINDOWS[request.scene].every if request.main else 0)
         for request in everything
     ]
-    return _with_bar(pool, tasks, cost, "running"), frames
+    return run_with_bar(pool, tasks, cost, "running"), frames
 
 
 def main(given: Sequence[str] | None = None) -> int:
@@ -207,7 +215,7 @@ def main(given: Sequence[str] | None = None) -> int:
     began = time.monotonic()
     wanted = {scene: requests(scene, arguments.quick) for scene in SCENES}
     with workers.Pool(arguments.jobs) as pool:
-        conditions = _conditions(arguments.jobs, pool.pinned)
+        conditions = conditions_text(arguments.jobs, pool.pinned)
         results, frames = _run(pool, wanted, arguments)
     by_scene = {scene: [r for r in results if r.request.scene == scene] for scene in SCENES}
     used = _used(frames)
@@ -217,7 +225,7 @@ def main(given: Sequence[str] | None = None) -> int:
         scenes={scene: scenes.build(scene) for scene in SCENES},
         windows=WINDOWS,
         facts=report.Facts(
-            machine=_machine(),
+            machine=machine(),
             build=str(info()["build"]),
             conditions=conditions,
             when=datetime.now(timezone.utc).strftime("%Y-%m-%d"),

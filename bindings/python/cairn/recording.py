@@ -23,6 +23,7 @@ SERIES = (
     "max_joint_error_m",
     "max_joint_error_rad",
     "max_speed_m_s",
+    "separation_speed_m_s",  # as max_separation_speed_m_s, of each step; 0 without neighbours
     "contacts",
 )
 
@@ -57,6 +58,11 @@ def _reach(body: Body) -> float:
     return body.shape.radius if isinstance(body.shape, (Sphere, Capsule)) else math.inf
 
 
+def smallest_reach(scene: Scene) -> float:
+    """m, half of the smallest size of any body that can move; infinite if none can."""
+    return min((_reach(body) for body in scene.bodies), default=math.inf)
+
+
 def _extreme(values: Array) -> float | None:
     """The value of largest size, with its sign."""
     return float(values[np.argmax(np.abs(values))]) if len(values) else None
@@ -81,7 +87,6 @@ class Judge:
         self._place: Array | None = None
         self._drift = 0.0
         self._collapsed: int | None = None
-        self._separation_speed = 0.0
         self._state = _start_of(scene)
 
     def _energies(self, positions: Array, orientations: Array, linear: Array, angular: Array) -> tuple[float, float]:
@@ -121,6 +126,7 @@ class Judge:
             "max_joint_error_m": metres.max(initial=0.0),
             "max_joint_error_rad": radians.max(initial=0.0),
             "max_speed_m_s": metrics.max_speed(linear),
+            "separation_speed_m_s": metrics.separation_speed(positions, linear, self.scene.neighbours),
             "contacts": len(separations),
             **{name: quantity(positions, orientations) for name, quantity in self.scene.quantities.items()},
         }
@@ -131,8 +137,6 @@ class Judge:
             self.series[name][self.frames] = value
         self.frames += 1
         self._state = state
-        speed = metrics.separation_speed(positions, linear, self.scene.neighbours)
-        self._separation_speed = max(self._separation_speed, speed)
         if self.scene.rests:
             self._follow(positions)
         return True
@@ -174,7 +178,9 @@ class Judge:
             "max_joint_error_m": float(series["max_joint_error_m"].max()) if joints and seen else None,
             "max_joint_error_rad": float(series["max_joint_error_rad"].max()) if joints and seen else None,
             "max_speed_m_s": float(series["max_speed_m_s"].max()) if seen else None,
-            "max_separation_speed_m_s": self._separation_speed if self.scene.neighbours else None,
+            "max_separation_speed_m_s": float(series["separation_speed_m_s"].max(initial=0.0))
+            if self.scene.neighbours
+            else None,
             "energy_change_J": _extreme(energy),
             "kinetic_energy_change_max_J": _extreme(series["kinetic_energy_change_J"]),
             "collapsed_at_frame": self._collapsed,

@@ -19,6 +19,7 @@ from typing import Callable
 import numpy as np
 
 from . import scenes
+from .bullet import STOCK_METHODS as STOCK
 from .bullet import BulletWorld
 from .recording import Judge, Recording, Times
 from .scenes.model import Array, Scene
@@ -26,7 +27,6 @@ from .solver import METHODS as CAIRN_METHODS
 from .solver import NOT_FINITE, Error, ParamValue, info
 from .solver import preset as preset_of
 
-STOCK = ("stock", "stock-substeps")  # Bullet's own projected Gauss-Seidel
 METHODS = (*CAIRN_METHODS, *STOCK)
 STAGES = ("pack", "build", "sweep", "position", "integrate", "finish")  # of cairn_statistics
 
@@ -89,14 +89,14 @@ def run(
 ) -> Recording:
     """Run a scene and record it.
 
-    scene: a name of `cairn.scenes.SCENES`, or a Scene. method: "pj", "pjnj", "pjsoft", "tj", "tjsoft", or "stock" and
-    "stock-substeps" for Bullet's own PGS. preset: "default" or "paper". iterations, position_iterations and substeps as
-    in the preset unless given; iterations are those of a step in all, shared out over its substeps. Bullet's own take
-    10 each substep, and "stock-substeps" 10 substeps, unless told otherwise. frames: steps to make; dt: s, of each;
-    both the scene's unless given. threads: 0 or None for as many as the process may use. settings: sizes of the scene
-    and parameters of the solver, by name. keep_poses_every: 0 for no poses, else one sample every so many frames.
-    trace_frame: the step, counted from 0, whose residuals are recorded; None for none. progress: called after every
-    frame with their number.
+    scene: a name of `cairn.scenes.SCENES`, or a Scene. method: "pj", "pjnj", "pjsoft", "tj", "tjsoft", or Bullet's own:
+    "stock" and "stock-substeps" (PGS), "nncg", "dantzig". preset: "default" or "paper". iterations, position_iterations
+    and substeps as in the preset unless given; iterations are those of a step in all, shared out over its substeps.
+    Bullet's own take 10 each substep, and "stock-substeps" 10 substeps, unless told otherwise. frames: steps to make;
+    dt: s, of each; both the scene's unless given. threads: 0 or None for as many as the process may use. settings:
+    sizes of the scene and parameters of the solver, by name. keep_poses_every: 0 for no poses, else one sample every so
+    many frames. trace_frame: the step, counted from 0, whose residuals are recorded; None for none. progress: called
+    after every frame with their number.
 
     A run that turns infinite or NaN ends early with summary["finite"] false. ValueError for a name or number that is
     unknown or out of range; cairn.Error where the library refuses.
@@ -220,7 +220,8 @@ class _Stock(_Runner):
             "substeps": whole.substeps,
         }
         each = whole.iterations // whole.substeps
-        self.world = BulletWorld(replace(scene, dt=scene.dt / whole.substeps), "stock", iterations=each)
+        once = "stock" if method == "stock-substeps" else method
+        self.world = BulletWorld(replace(scene, dt=scene.dt / whole.substeps), once, iterations=each)
 
     def step(self, frame: int, judge: Judge) -> bool:
         states = [_state(self.world)]

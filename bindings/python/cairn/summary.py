@@ -9,7 +9,8 @@ Summary = dict[str, Any]
 
 KEYS: dict[str, str] = {
     "scene": "name of the scene",
-    "method": "pj, pjnj, pjsoft, tj, tjsoft (Cairn); stock, stock-substeps (Bullet's own PGS)",
+    "method": "pj, pjnj, pjsoft, tj, tjsoft (Cairn); stock, stock-substeps (Bullet's own PGS), nncg, dantzig "
+    "(its others)",
     "preset": "default or paper; null for Bullet's own",
     "iterations": "velocity iterations of a step in all, shared out over its substeps",
     "position_iterations": "nonlinear position iterations of a step; null for Bullet's own",

@@ -5,6 +5,7 @@ A process that dies takes nothing with it but the run that it was at, whose erro
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import queue
@@ -12,13 +13,15 @@ import signal
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from typing import Callable, cast
 
 from .charts.result import Request, Result
 
 _REPORT = 0.3  # s between two words of a run on how far it is
+_STUCK = 20.0  # times its processor time: wall-clock time after which a run is stuck within a step
 
 Progress = Callable[[Request, int], None]  # a request and how many of its frames are done
 
@@ -28,6 +31,7 @@ class Task:
     request: Request
     frames: int
     keep_poses_every: int = 0
+    limit_s: float = math.inf  # processor time after which the run is given up
 
 
 def cores(jobs: int) -> list[int | None]:
@@ -55,15 +59,23 @@ class Pool:
         while not self._free.empty():
             self._free.get().stop()
 
-    def run(self, tasks: Sequence[Task], progress: Progress) -> list[Result]:
-        """Run tasks, as many at a time as there are jobs; results in their order. progress may come from any thread."""
+    def run(
+        self, tasks: Sequence[Task], progress: Progress, done: Callable[[Task, Result], None] | None = None
+    ) -> list[Result]:
+        """Run tasks, as many at a time as there are jobs; results in their order.
+
+        progress, and done as soon as a task is, may come from any thread.
+        """
 
         def one(task: Task) -> Result:
             worker = self._free.get()
             try:
-                return worker.run(task, progress)
+                result = worker.run(task, progress)
             finally:
                 self._free.put(worker)
+            if done is not None:
+                done(task, result)
+            return result
 
         with ThreadPoolExecutor(self._jobs) as threads:
             return list(threads.map(one, tasks))
@@ -84,12 +96,18 @@ class _Worker:
     def run(self, task: Task, progress: Progress) -> Result:
         try:
             self._pipe.send(task)
+            deadline = time.monotonic() + _STUCK * (task.limit_s + 1)
             while True:
+                if math.isfinite(deadline) and not self._pipe.poll(max(0.0, deadline - time.monotonic())):
+                    self._process.kill()
+                    self._process.join()
+                    self._start()
+                    return Result(task.request, error=f"given up after {task.limit_s:g} s, within a step", stopped=True)
                 kind, value = self._pipe.recv()
                 if kind == "done":
                     return cast(Result, value)
-                if kind == "failed":
-                    return Result(task.request, error=value)
+                if kind in ("failed", "stopped"):
+                    return Result(task.request, error=value, stopped=kind == "stopped")
                 progress(task.request, value)
         except (EOFError, OSError):
             self._process.join()
@@ -105,8 +123,18 @@ class _Worker:
         self._process.join()
 
 
+class _TimeUpError(Exception):
+    """A run's time is up."""
+
+
 def _work(core: int | None, pipe: Connection) -> None:
-    """The process's loop: a task in, words of progress and a recording out."""
+    """The process: works until there are no more tasks, or the user interrupts the program."""
+    with suppress(KeyboardInterrupt):
+        _loop(core, pipe)
+
+
+def _loop(core: int | None, pipe: Connection) -> None:
+    """A task in, words of progress and a recording out."""
     from .run import run
 
     if core is not None:
@@ -119,6 +147,8 @@ def _work(core: int | None, pipe: Connection) -> None:
         if now - last > _REPORT:
             last = now
             pipe.send(("frames", frames))
+        if time.process_time() - spent > task.limit_s and frames < task.frames:
+            raise _TimeUpError(f"given up after {task.limit_s:g} s, at frame {frames} of {task.frames}")
 
     while True:
         try:
@@ -126,21 +156,28 @@ def _work(core: int | None, pipe: Connection) -> None:
         except EOFError:
             return
         request = task.request
-        began = time.monotonic()
+        began, spent = time.monotonic(), time.process_time()
         try:
             recording = run(
                 request.scene,
                 request.method,
                 preset=request.preset,
                 iterations=request.iterations,
+                position_iterations=request.position_iterations,
                 substeps=request.substeps,
                 frames=task.frames,
+                dt=request.dt,
+                settings=dict(request.changes),
                 threads=1,
                 keep_poses_every=task.keep_poses_every,
                 trace_frame=0,
                 progress=tell,
             )
+        except _TimeUpError as error:
+            pipe.send(("stopped", str(error)))
         except Exception as error:  # whatever it is, it is this run's, and the report shows it
             pipe.send(("failed", f"{type(error).__name__}: {error}"))
         else:
+            # Without the functions that made its series, which need not be such as can be sent.
+            recording = replace(recording, scene=replace(recording.scene, quantities={}))
             pipe.send(("done", Result(request, recording, seconds=time.monotonic() - began)))

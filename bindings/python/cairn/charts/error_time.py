@@ -67,14 +67,14 @@ def error_against_time(
         panel.set_yscale("log")
         panel.set_xlabel("solver time of a step, median [ms]")
         panel.set_ylabel(quantity.axis)
-        top = _top([p.height for p in found if p.error is not None])
+        top = top_of([p.height for p in found if p.error is not None])
         texts = [text for group in _groups(found) for text in _draw(panel, group, top)]
         panel.step([p.milliseconds for p in front], [p.height for p in front], where="post", color=style.INK, lw=1.1,
                    alpha=0.55, zorder=1)  # fmt: skip
         if any(p.error is None for p in found):
-            _line(panel, top, "failed", "--")
+            line_at(panel, top, "failed", "--")
         if limit is not None:
-            _line(panel, *limit, ":")
+            line_at(panel, *limit, ":")
         panel.margins(x=0.1, y=0.08)
         style.layout(drawing)
         thread = {"arrowstyle": "-", "color": style.INK, "lw": 0.4, "alpha": 0.5}
@@ -83,7 +83,7 @@ def error_against_time(
         return style.svg(drawing, f"{quantity.title} against solver time, {comparison.scene}", footnote)
 
 
-def _top(heights: Sequence[float]) -> float:
+def top_of(heights: Sequence[float]) -> float:
     """Where failed runs stand: above the highest that did not, by an eighth of the range."""
     if not heights:
         return 1.0
@@ -91,7 +91,7 @@ def _top(heights: Sequence[float]) -> float:
     return float(max(heights) * 10 ** (decades / 8))
 
 
-def _line(panel: Axes, height: float, text: str, dashes: str) -> None:
+def line_at(panel: Axes, height: float, text: str, dashes: str) -> None:
     panel.axhline(height, color=style.INK, lw=0.8, ls=dashes, alpha=0.6)
     panel.annotate(text, (0, height), xycoords=("axes fraction", "data"), xytext=(4, 3), textcoords="offset points",
                    fontsize=8.5)  # fmt: skip

@@ -6,10 +6,7 @@ import base64
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
-
-import jinja2
 
 from .. import replay
 from ..scenes.model import Scene
@@ -84,8 +81,7 @@ def results(study: Study) -> dict[str, Any]:
 
 def html(study: Study) -> str:
     """The page. It loads nothing: charts, replays and their viewer are inside."""
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    template = environment.from_string(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))
+    template = style.template("page.html")
     everything = [result for comparison in study.comparisons.values() for result in comparison.results]
     pages = {scene: _replays(study, scene) for scene in study.comparisons}
     viewer = next((page.viewer for scene in pages.values() for _, page in scene), "")

@@ -12,6 +12,7 @@ import numpy as np
 if TYPE_CHECKING:
     from ..recording import Recording
     from ..scenes.model import Array
+    from ..solver import ParamValue
 
 METHODS = ("pj", "pjnj", "pjsoft", "tj", "tjsoft")
 PRESETS = ("paper", "default")
@@ -23,6 +24,8 @@ NAMES = {
     "tjsoft": "TJSoft",
     "stock": "stock PGS",
     "stock-substeps": "stock + substeps",
+    "nncg": "NNCG",
+    "dantzig": "Dantzig",
 }
 
 
@@ -36,6 +39,8 @@ class Request:
     preset: str | None = None  # None: Bullet's own solver, which has no presets
     substeps: int = 1
     position_iterations: int | None = None  # PJNJ; None: the preset's
+    changes: tuple[tuple[str, ParamValue], ...] = ()  # sizes of the scene and parameters of the method, by name
+    dt: float | None = None  # s, of a step; None: the scene's
     main: bool = True  # one of the paper's comparison, not a further point of the error-against-time chart
 
     @property
@@ -59,6 +64,7 @@ class Result:
     recording: Recording | None = None
     error: str = ""
     seconds: float = 0.0  # wall-clock time of the whole run
+    stopped: bool = False  # it has no recording because its time was up
 
     def number(self, key: str) -> float:
         """A figure of the summary; NaN if the run did not finish or does not have it."""

@@ -11,8 +11,9 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
+import jinja2
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -27,8 +28,11 @@ COLOURS = {
     "tjsoft": "#E69F00",
     "stock": "#8a8a8a",
     "stock-substeps": "#8a8a8a",
+    "nncg": "#CC79A7",
+    "dantzig": "#9c6b4e",
 }
-MARKERS = {"pj": "o", "pjnj": "X", "pjsoft": "s", "tj": "^", "tjsoft": "D", "stock": "P", "stock-substeps": "*"}
+MARKERS = {"pj": "o", "pjnj": "X", "pjsoft": "s", "tj": "^", "tjsoft": "D", "stock": "P", "stock-substeps": "*",
+           "nncg": "v", "dantzig": "p"}  # fmt: skip
 DASHES = {"pj": "-", "pjnj": (0, (1, 1)), "pjsoft": (0, (5, 1.5)), "tj": "-", "tjsoft": (0, (5, 1.5)), "stock": "-"}
 
 INK = "#010203"  # stands for the page's text colour until the SVG is written
@@ -95,11 +99,17 @@ def svg(drawing: Figure, description: str, footnote: str = "") -> str:
     return re.sub(r"^<svg", f'<svg role="img" aria-label="{_attribute(description)}"', text)
 
 
-def png(drawing: Figure, target: Path, footnote: str = "") -> None:
+def png(drawing: Figure, target: Path | BinaryIO, footnote: str = "") -> None:
     """The figure as a file to stand on its own: dark on white."""
     if footnote:
         drawing.supxlabel(footnote, fontsize=8, x=0.01, ha="left", alpha=0.75)
     drawing.savefig(target, format="png", dpi=150, facecolor="white", metadata={"Software": None})
+
+
+def template(name: str) -> jinja2.Template:
+    """A page's template, of the files beside this one."""
+    loader = jinja2.FileSystemLoader(Path(__file__).parent, encoding="utf-8")
+    return jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined).get_template(name)
 
 
 def _attribute(text: str) -> str:

@@ -1,0 +1,193 @@
+"""Speed against accuracy, and where methods fail: what `cairn report` runs, keeps and writes.
+
+Work and precision of every setting of every method in every scene, maps of where methods fail, and performance
+profiles over all scenes: one page, with each chart as PNG and CSV beside it. Every run is kept as soon as it is done;
+what is kept is not run again.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+
+from . import demo, report_cache, report_outcome, report_plan, scenes, workers
+from .charts import profiles, style
+from .charts.atlas import atlas
+from .charts.drawn import Drawn
+from .charts.result import Comparison, Request, Result
+from .charts.work_precision import work_precision
+from .report_cache import Entry
+from .report_plan import FULL, QUICK, MapPlan, Plan
+from .run import build_text
+from .workers import Task
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the page: its charts, each with a sentence above it and its name in the index."""
+
+    id: str
+    title: str
+    about: str
+    charts: Sequence[tuple[str, str, Drawn]]  # name in the index, sentence, chart
+
+
+def run(tasks: Sequence[Task], cache: Path, jobs: int, resume: bool = True) -> dict[Task, Entry]:
+    """Results of all tasks: those kept in `cache`, and the rest run now, as many at a time as there are jobs.
+
+    Each is kept as soon as it is done; resume false runs all of them anew. Raises KeyboardInterrupt as the user does.
+    """
+    wanted = list(dict.fromkeys(tasks))
+    found: dict[Task, Entry] = {}
+    if resume:
+        kept = ((task, report_cache.load(cache, task)) for task in wanted)
+        found = {task: entry for task, entry in kept if entry is not None}
+    left = [task for task in wanted if task not in found]
+    print(f"{len(wanted)} runs, {len(found)} of them kept from before", flush=True)
+    if not left:
+        return found
+    lock = threading.Lock()
+    with workers.Pool(jobs) as pool:
+        conditions = demo.conditions_text(jobs, pool.pinned)
+
+        def done(task: Task, result: Result) -> None:
+            judged = report_cache.entry(task, result, conditions)
+            report_cache.save(cache, judged)
+            with lock:
+                found[task] = judged
+
+        demo.run_with_bar(pool, left, {task.request: _cost(task.request) for task in left}, "running", done)
+    return found
+
+
+def _cost(request: Request) -> float:
+    """About what a frame costs, in no unit: for the order of runs and the progress bar."""
+    sizes = dict(request.changes)
+    built = scenes.build(
+        request.scene, **{k: float(v) for k, v in sizes.items() if k in scenes.settings_of(request.scene)}
+    )
+    sweeps = 10 * request.substeps + request.iterations
+    if request.method == "dantzig":
+        sweeps = 4 * len(built.bodies)
+    return 100.0 + 0.2 * len(built.bodies) * sweeps
+
+
+def parts(
+    found: dict[Task, Entry], by_scene: dict[str, list[Task]], maps: Sequence[MapPlan], footnote: str
+) -> list[Part]:
+    """Draw everything."""
+    comparisons, shown, scales = [], [], {}
+    for scene, tasks in by_scene.items():
+        entries = [found[task] for task in tasks]
+        built = entries[0].scene
+        comparison = Comparison(scene, [e.result for e in entries], max(t.frames for t in tasks))
+        comparisons.append(comparison)
+        scales[scene] = report_outcome.scale(built)
+        sizes = {k: v for k, v in dict(tasks[0].request.changes).items() if not isinstance(v, str)}
+        drawn = work_precision(comparison, report_outcome.measured(built), sizes, footnote)
+        shown.append((scene, built.why, drawn))
+    frames = "Frames: " + ", ".join(f"{c.scene} {c.frames}" for c in comparisons) + "."
+    made = [
+        Part(
+            "work-precision",
+            "Work and precision",
+            "A scene’s error is the quantity that shows its failure. Down is more accurate, left is quicker. Filled "
+            "marks: default preset; hollow: the paper’s. Lines join the iteration counts of one method, preset and "
+            "number of substeps; the dark steps are the Pareto front, whose runs are named.",
+            shown,
+        )
+    ]
+    if maps:
+        made.append(
+            Part(
+                "atlas",
+                "The stability atlas",
+                "Where methods stand and where they fail, over two sizes of a scene. Each map says its thresholds.",
+                [(plan.scene, "", atlas(plan.map(found), footnote)) for plan in maps],
+            )
+        )
+    made.append(
+        Part(
+            "profiles",
+            "Performance profiles",
+            "For each solver the share of all scenes in which it meets the tolerance within τ times the time of the "
+            "quickest solver that does. At τ = 1: how often it is the quickest; at the right edge: how often it gets "
+            "there at all.",
+            [("All scenes", "", profiles.profiles(comparisons, scales, frames, footnote))],
+        )
+    )
+    return made
+
+
+def write(
+    out: Path, found: dict[Task, Entry], by_scene: dict[str, list[Task]], maps: Sequence[MapPlan], command: str
+) -> Path:
+    """Write index.html, and a PNG and a CSV a chart, into `out`; returns the page's path."""
+    conditions = "; ".join(sorted({entry.conditions for entry in found.values()}))
+    footnote = f"{build_text()}; {conditions}"
+    made = parts(found, by_scene, maps, footnote)
+    for part in made:
+        for _, _, drawn in part.charts:
+            report_cache.write(out / f"{drawn.name}.png", drawn.png)
+            report_cache.write(out / f"{drawn.name}.csv", drawn.csv.encode())
+    missing = [e for e in found.values() if e.result.recording is None]
+    frames = {scene: max(task.frames for task in tasks) for scene, tasks in by_scene.items()}
+    page = style.template("study.html").render(
+        parts=[
+            {
+                "id": part.id,
+                "title": part.title,
+                "about": part.about,
+                "charts": [
+                    {"name": d.name, "title": d.title, "short": short, "why": why, "svg": d.svg}
+                    for short, why, d in part.charts
+                ],
+            }
+            for part in made
+        ],
+        missing=[
+            {"scene": e.task.request.scene, "label": e.task.request.label, "why": e.result.error} for e in missing
+        ],
+        total=len(found),
+        frames="Frames: " + ", ".join(f"{scene} {count}" for scene, count in frames.items()) + ".",
+        footnote=footnote,
+        facts=[
+            ("machine and build", build_text()),
+            ("times", conditions),
+            ("runs", f"{len(found)}, {len(missing)} without a result"),
+            ("date", datetime.now(timezone.utc).strftime("%Y-%m-%d")),
+        ],
+        command=command,
+    )
+    target = out / "index.html"
+    report_cache.write(target, page.encode())
+    return target
+
+
+def report(
+    out: Path,
+    plan: Plan = FULL,
+    chosen: Sequence[str] | None = None,
+    jobs: int | None = None,
+    resume: bool = True,
+    command: str = "./dev report",
+) -> Path:
+    """Run what is not kept in out/cache, and write the report; returns the page's path.
+
+    chosen: scenes, of `cairn.scenes.SCENES`; None for all. jobs: runs at a time, each on a core of its own; None for
+    one a core. ValueError for a scene that does not exist.
+    """
+    names = list(scenes.SCENES) if chosen is None else list(chosen)
+    for name in names:
+        scenes.settings_of(name)
+    by_scene, maps = report_plan.everything(plan, names)
+    tasks = [task for some in by_scene.values() for task in some] + [task for one in maps for task in one.tasks]
+    found = run(tasks, out / "cache", jobs or demo.available_cores(), resume)
+    print("drawing the charts", flush=True)
+    return write(out, found, by_scene, maps, command)
+
+
+__all__ = ["FULL", "QUICK", "Plan", "report", "run", "write"]

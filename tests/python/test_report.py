@@ -1,0 +1,314 @@
+"""The report of speed against accuracy: its rules on made-up data, and small reports that are cut off and resumed."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+import subprocess
+import sys
+import time
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cairn import report, report_cache, report_outcome, report_plan, scenes, workers
+from cairn.charts import atlas, error_time, profiles, work_precision
+from cairn.charts.result import Comparison, Measured, Request, Result
+from cairn.recording import SERIES, Recording
+from cairn.report_outcome import COLLAPSED, DEGRADED, EXPLODED, FAILED, NAN, SURVIVED, UNKNOWN
+from cairn.summary import KEYS
+from cairn.workers import Task
+
+FRAMES = 100
+ERROR = Measured("error", "error", "m")
+TINY = replace(report.QUICK, frames=61, atlas_seconds=0.1, iterations=(10,), substeps=((20, 2),))
+
+
+def recording(scene: str, series: dict[str, Any] | None = None, **summary: Any) -> Recording:
+    """A quiet run, some of whose figures and series are given."""
+    built = scenes.build(scene)
+    figures = dict.fromkeys(KEYS, 0.0) | {"frames": FRAMES, "finite": True, "collapsed_at_frame": None}
+    frames = {name: np.zeros(FRAMES) for name in (*SERIES, *built.quantities)} | (series or {})
+    return Recording(figures | summary, frames, {}, np.zeros(0), np.zeros((0, 1, 7)), np.zeros(0), built)
+
+
+def result(method: str, milliseconds: float, error: float | None, preset: str | None = None, scene: str = "stack",
+           **summary: Any) -> Result:  # fmt: skip
+    figures = {"error": error, "solver_ms_median": milliseconds, **summary}
+    return Result(Request(scene, method, 10, preset), recording(scene, **figures))
+
+
+# ---- Work and precision ------------------------------------------------------------------------------------------
+
+
+def comparison() -> Comparison:
+    return Comparison(
+        "stack",
+        [
+            result("pj", 1.0, 1e-2, "default"),
+            result("pj", 4.0, 1e-4, "default"),
+            result("pj", 3.0, 1e-1, "paper"),
+            result("tj", 1.0, 1.0, "paper", finite=False),
+            result("stock", 2.0, 1e-3),
+            result("dantzig", 9.0, 1e-3),
+            Result(Request("stack", "nncg", 10), error="given up after 1 s", stopped=True),
+        ],
+        FRAMES,
+    )
+
+
+def test_the_front_is_what_nothing_beats_and_losers_are_named() -> None:
+    found = error_time.points(comparison(), ERROR)
+    front = error_time.pareto(found)
+    assert [(p.milliseconds, p.error) for p in front] == [(1.0, 1e-2), (2.0, 1e-3), (4.0, 1e-4)]
+    sentences = work_precision.standing(found)
+    assert sentences == [
+        "On the Pareto front: PJ, default; stock PGS.",
+        "Lose to one of Bullet's own at every setting: PJ, paper.",
+        "Fail at every setting: TJ, paper.",
+    ]
+    stock = [p for p in found if p.result.request.method == "stock"]
+    losers = [p for p in found if p.result.request.preset == "paper"]
+    assert "Bullet's own are ahead throughout." in work_precision.standing(stock + losers)
+
+
+def test_beating_needs_to_be_better_in_one_and_worse_in_none() -> None:
+    points = [error_time.Point(result("pj", 1.0, 1.0), ms, error) for ms, error in ((1.0, 1.0), (1.0, 2.0), (2.0, 0.5))]
+    first, worse, other = points
+    assert work_precision.beats(first, worse) and not work_precision.beats(worse, first)
+    assert not work_precision.beats(first, first)
+    assert not work_precision.beats(first, other) and not work_precision.beats(other, first)
+    fallen = error_time.Point(result("pj", 1.0, 1.0), 1.0, None)
+    assert work_precision.beats(first, fallen) and not work_precision.beats(fallen, worse)
+
+
+def test_a_chart_names_its_front_its_frames_and_what_is_missing() -> None:
+    drawn = work_precision.work_precision(comparison(), ERROR, {"layers": 5}, "a machine")
+    written = " ".join(text.strip() for text in ElementTree.fromstring(drawn.svg).itertext() if text.strip())
+    for words in (
+        "100 frames",
+        "layers 5",
+        "PJ 10",
+        "Lose to one of Bullet's own",
+        "Out of time",
+        "NNCG 10",
+        "a machine",
+    ):
+        assert words in written
+    assert drawn.png.startswith(b"\x89PNG")
+    rows = list(csv.DictReader(io.StringIO(drawn.csv)))
+    assert len(rows) == len(comparison().results)
+    assert [row["pareto"] for row in rows] == ["1", "1", "0", "0", "1", "0", "0"]
+    assert [row["failed"] for row in rows] == ["0", "0", "0", "1", "0", "0", "1"]
+
+
+# ---- Performance profiles ----------------------------------------------------------------------------------------
+
+
+def test_profiles_of_three_solvers_on_four_problems() -> None:
+    inf = math.inf
+    costs = {"a": [1.0, 2.0, inf, inf], "b": [2.0, 1.0, 8.0, inf], "c": [inf, inf, 4.0, inf]}
+    assert profiles.ratios(costs) == {"a": [1, 2, inf, inf], "b": [2, 1, 2, inf], "c": [inf, inf, 1, inf]}
+    # The last problem, which none solves, counts: no profile comes to more than three quarters.
+    assert profiles.profile(costs) == {
+        "a": [(1.0, 0.25), (2.0, 0.5)],
+        "b": [(1.0, 0.25), (2.0, 0.75)],
+        "c": [(1.0, 0.25)],
+    }
+    assert profiles.profile({"a": [inf]}) == {"a": []}
+
+
+def test_a_profile_takes_the_quickest_setting_that_meets_the_tolerance() -> None:
+    runs = Comparison(
+        "stack",
+        [
+            result("pj", 1.0, 0.5, "default"),
+            result("pj", 3.0, 0.01, "default"),
+            result("pj", 5.0, 0.001, "default"),
+            result("stock", 1.0, 0.001, collapsed_at_frame=70),
+        ],
+    )
+    assert profiles.costs([runs], {"stack": 0.2}, 0.1) == {"PJ, default": [3.0], "stock PGS": [math.inf]}
+    drawn = profiles.profiles([runs], {"stack": (0.2, "size of a body")}, "Frames: stack 100.")
+    assert any("stack" in note and "met by none" in note for note in drawn.notes)
+    assert "Frames: stack 100." in drawn.svg
+
+
+# ---- Outcomes and the atlas --------------------------------------------------------------------------------------
+
+
+def rising(value: float, from_frame: int) -> np.ndarray[Any, Any]:
+    series = np.zeros(FRAMES)
+    series[from_frame - 1 :] = value
+    return series
+
+
+@pytest.mark.parametrize(
+    ("run", "state", "kind", "frame"),
+    [
+        (recording("column"), SURVIVED, "", None),
+        (recording("column", max_drift_m=0.2), DEGRADED, "", None),
+        (recording("column", settling_m=0.2), DEGRADED, "", None),
+        (recording("column", max_drift_m=2.0, collapsed_at_frame=80), FAILED, COLLAPSED, 80),
+        (recording("column", settling_m=0.6), FAILED, COLLAPSED, 60),
+        (recording("column", max_drift_m=None, settling_m=None), UNKNOWN, "", None),
+        (recording("column", finite=False, frames=41), FAILED, NAN, 42),
+        (recording("column", {"max_speed_m_s": rising(500.0, 30)}, collapsed_at_frame=80), FAILED, EXPLODED, 30),
+        (recording("heavy-pendulum", max_joint_error_m=0.3), DEGRADED, "", None),
+        (
+            recording("heavy-pendulum", {"max_joint_error_m": rising(0.6, 12)}, max_joint_error_m=0.6),
+            FAILED, COLLAPSED, 12,
+        ),
+        (recording("overlap", max_separation_speed_m_s=3.0), SURVIVED, "", None),
+        (
+            recording("overlap", {"separation_speed_m_s": rising(7.0, 3)}, max_separation_speed_m_s=7.0),
+            FAILED, EXPLODED, 3,
+        ),
+    ],
+)  # fmt: skip
+def test_the_first_failure_decides(run: Recording, state: str, kind: str, frame: int | None) -> None:
+    assert report_outcome.outcome(run) == report_outcome.Outcome(state, kind, frame)
+
+
+def test_errors_are_the_scenes_own_quantity() -> None:
+    assert report_outcome.error_of(recording("stack", max_drift_m=0.25)) == 0.25
+    assert report_outcome.error_of(recording("tumble", energy_change_J=-3.0)) == 3.0
+    assert report_outcome.error_of(recording("mass-ratio", {"sinking_m": rising(0.5, 20)})) == 0.5
+    assert math.isnan(report_outcome.error_of(recording("stack", max_drift_m=None)))
+    for name in scenes.SCENES:
+        built = scenes.build(name, **report.QUICK.sizes.get(name, {}))
+        value, _ = report_outcome.scale(built)
+        assert value > 0 and report_outcome.measured(built).unit != "1", name
+
+
+def test_a_map_shows_every_cell_with_its_failure() -> None:
+    cells = {(0, 0): atlas.Cell(SURVIVED), (0, 1): atlas.Cell(FAILED, NAN, 7), (1, 0): atlas.Cell(DEGRADED)}
+    shown = atlas.Map(
+        "column", "a map", "boxes", "sweeps", ["5", "9"], ["10", "20"], {"PJ": cells, "TJ": cells}, ["why"]
+    )
+    drawn = atlas.atlas(shown)
+    assert drawn.svg.count(">NaN<") == 2 and drawn.svg.count(">7<") == 2
+    assert "PJ 1 of 3" in drawn.svg and "why" in drawn.svg
+    rows = list(csv.DictReader(io.StringIO(drawn.csv)))
+    assert len(rows) == 6
+    assert rows[1] == {"panel": "PJ", "sweeps": "10", "boxes": "9", "state": FAILED, "kind": NAN, "frame": "7"}
+
+
+# ---- The cache ---------------------------------------------------------------------------------------------------
+
+TASK = Task(Request("tumble", "pj", 10, "default"), FRAMES)
+
+
+def test_a_kept_run_comes_back_as_it_was(tmp_path: Path) -> None:
+    entry = report_cache.entry(TASK, Result(TASK.request, recording("tumble", energy_change_J=-2.0)), "alone")
+    report_cache.save(tmp_path, entry)
+    back = report_cache.load(tmp_path, TASK)
+    assert back is not None and back.outcome == entry.outcome and back.conditions == "alone"
+    assert back.result.summary == entry.result.summary and back.result.number("error") == 2.0
+    assert [path.suffix for path in tmp_path.iterdir()] == [".json"]
+    for other in (
+        replace(TASK, frames=FRAMES + 1),
+        replace(TASK, request=replace(TASK.request, iterations=11)),
+        replace(TASK, request=replace(TASK.request, changes=(("speed", 4.0),))),
+        replace(TASK, request=replace(TASK.request, changes=(("splitting", "point"),))),
+        replace(TASK, request=replace(TASK.request, dt=0.01)),
+    ):
+        assert report_cache.load(tmp_path, other) is None
+
+
+def test_another_build_is_another_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    report_cache.save(tmp_path, report_cache.entry(TASK, Result(TASK.request, recording("tumble")), ""))
+    monkeypatch.setattr(report_cache, "build_text", lambda: "commit 2")
+    assert report_cache.load(tmp_path, TASK) is None
+
+
+def test_broken_files_and_runs_without_result_are_run_again(tmp_path: Path) -> None:
+    report_cache.save(tmp_path, report_cache.entry(TASK, Result(TASK.request, error="SIGKILL"), ""))
+    assert list(tmp_path.iterdir()) == []
+    report_cache.save(tmp_path, report_cache.entry(TASK, Result(TASK.request, error="late", stopped=True), ""))
+    (kept,) = tmp_path.iterdir()
+    back = report_cache.load(tmp_path, TASK)
+    assert back is not None and back.result.stopped and back.result.error == "late"
+    kept.write_text(kept.read_text()[:40])
+    assert report_cache.load(tmp_path, TASK) is None
+
+
+# ---- Runs --------------------------------------------------------------------------------------------------------
+
+
+def test_a_run_whose_time_is_up_says_so() -> None:
+    slow = Task(Request("tumble", "pj", 10, "default"), 1_000_000, limit_s=0.2)
+    with workers.Pool(1) as pool:
+        (given_up,) = pool.run([slow], lambda request, frames: None)
+    assert given_up.stopped and "of 1000000" in given_up.error
+
+
+def test_every_scene_runs_in_another_process() -> None:
+    tasks = [replace(report_plan.work_precision(TINY, scene)[0], frames=2) for scene in scenes.SCENES]
+    with workers.Pool(1) as pool:
+        results = pool.run(tasks, lambda request, frames: None)
+    assert [r.error for r in results] == [""] * len(scenes.SCENES)
+    assert all(r.recording is not None and r.recording.scene.name == r.request.scene for r in results)
+
+
+SCRIPT = """
+import sys
+from dataclasses import replace
+from pathlib import Path
+from cairn import report
+if __name__ == "__main__":
+    plan = replace(report.QUICK, frames=61, atlas_seconds=0.1, iterations=(10,), substeps=((20, 2),))
+    report.report(Path(sys.argv[1]), plan, ["tumble", "mass-ratio"], jobs=1)
+"""
+
+
+def test_a_report_that_is_killed_goes_on_where_it_stopped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    out = tmp_path / "out"
+    with subprocess.Popen([sys.executable, str(script), str(out)], stdout=subprocess.DEVNULL) as program:
+        for _ in range(1000):
+            if len(list((out / "cache").glob("*.json"))) >= 3:
+                break
+            time.sleep(0.03)
+        program.kill()
+    kept = {path: path.stat().st_mtime_ns for path in (out / "cache").glob("*.json")}
+    total = 2 * len(report_plan.work_precision(TINY, "tumble"))
+    assert len(kept) >= 3 and not (out / "index.html").exists()
+
+    page = report.report(out, TINY, ["tumble", "mass-ratio"], jobs=1)
+    assert f"{total} runs, {len(kept)} of them kept" in capsys.readouterr().out
+    assert all(path.stat().st_mtime_ns == then for path, then in kept.items())
+    assert len(list((out / "cache").glob("*.json"))) == total
+    report.report(out, TINY, ["tumble", "mass-ratio"], jobs=1)
+    assert f"{total} runs, {total} of them kept" in capsys.readouterr().out
+
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<svg") == 3 and "tumble 61" in text
+    loaded = re.findall(r'\b(?:src|href|srcset|data|action|poster)\s*=\s*["\']?([^"\'\s>]+)', text)
+    assert [target for target in loaded if not target.startswith("#")] == []
+    assert not re.search(r"@import|url\((?!#)|\bfetch\(|XMLHttpRequest|\bimport\(", text)
+    names = {path.name for path in out.iterdir()}
+    for chart in ("work-precision-tumble", "work-precision-mass-ratio", "profiles"):
+        assert {f"{chart}.png", f"{chart}.csv"} <= names and f'id="{chart}"' in text
+
+
+def test_a_report_has_the_maps_of_its_scenes(tmp_path: Path) -> None:
+    page = report.report(tmp_path, TINY, ["overlap"], jobs=2).read_text(encoding="utf-8")
+    assert 'id="atlas-overlap"' in page and 'id="atlas-column"' not in page
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "atlas-overlap.csv").read_text())))
+    assert len(rows) == 14 * 5 and {row["state"] for row in rows} <= {SURVIVED, DEGRADED, FAILED}
+    assert "61 frames" in page and "NaN: a number not finite" in page
+
+
+def test_too_few_frames_are_refused() -> None:
+    with pytest.raises(ValueError, match="60 frames are too few"):
+        replace(report.QUICK, frames=60)
+    with pytest.raises(ValueError, match="no scene is called 'nowhere'"):
+        report.report(Path("nowhere"), TINY, ["nowhere"])
