@@ -11,6 +11,8 @@ namespace cairn {
 namespace bullet {
 namespace {
 
+constexpr std::size_t kAhead = 4;
+
 btQuaternion quaternion(const btScalar (&from)[4]) { return btQuaternion(from[0], from[1], from[2], from[3]); }
 
 // The constant angular velocity that turns `from` into `to` in dt, the short way round.
@@ -72,7 +74,11 @@ int Bodies::add(btCollisionObject& object) {
 
 void Bodies::gather(const Loops& loops) {
     m_tables.bodies.resize(m_objects.size());
-    loops.each(m_objects.size(), 128, [&](std::size_t i) { fill(m_tables.bodies[i], *m_objects[i], m_tables.bodyOwners[i]); });
+    loops.each(m_objects.size(), 128, [&](std::size_t i) {
+        if (i + kAhead < m_objects.size())
+            prefetch<sizeof(btRigidBody)>(m_objects[i + kAhead]);
+        fill(m_tables.bodies[i], *m_objects[i], m_tables.bodyOwners[i]);
+    });
 }
 
 void Bodies::fill(BodyRecord& record, btCollisionObject& object, btRigidBody* owner) {
@@ -108,6 +114,8 @@ void Bodies::fill(BodyRecord& record, btCollisionObject& object, btRigidBody* ow
 
 void Bodies::scatter(btScalar dt, const Loops& loops) const {
     loops.each(m_movable.size(), 64, [&](std::size_t i) {
+        if (i + kAhead < m_movable.size())
+            prefetch<sizeof(btRigidBody)>(m_tables.bodyOwners[m_movable[i + kAhead]]);
         btRigidBody& body = *m_tables.bodyOwners[m_movable[i]];
         const BodyRecord& record = m_tables.bodies[m_movable[i]];
         body.setLinearVelocity(vector(record.linearVelocity));
@@ -134,6 +142,8 @@ void Bodies::scatter(btScalar dt, std::vector<Flight>& flights, const Loops& loo
     const std::size_t before = flights.size();
     flights.resize(before + m_movable.size());
     loops.each(m_movable.size(), 64, [&](std::size_t i) {
+        if (i + kAhead < m_movable.size())
+            prefetch<sizeof(btRigidBody)>(m_tables.bodyOwners[m_movable[i + kAhead]]);
         btRigidBody& body = *m_tables.bodyOwners[m_movable[i]];
         const BodyRecord& record = m_tables.bodies[m_movable[i]];
         const btTransform& start = body.getWorldTransform();

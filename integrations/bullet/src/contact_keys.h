@@ -5,6 +5,8 @@
 // bodies, and a point takes over the key of the nearest remembered one that is within the manifold's breaking threshold
 // on either body: the rule that Bullet itself keeps points by.
 #pragma once
+#include "tables.h"
+
 #include <LinearMath/btVector3.h>
 
 #include <cstdint>
@@ -29,6 +31,7 @@ class ContactKeys {
     // for a point that is new, and returns how many are; then new keys for those of a place, one call after another.
     uint32_t place(const btPersistentManifold& manifold);
     int match(uint32_t place, const btPersistentManifold& manifold, uint64_t (&keys)[kPoints]);
+    void prefetchPlace(uint32_t place) const { prefetch<sizeof(Remembered)>(&m_places[place]); }
     void number(uint32_t place, uint64_t (&keys)[kPoints]);
     // Forgets manifolds that have not been seen for a while.
     void endStep(std::size_t manifolds);

@@ -175,14 +175,6 @@ bool givesDirections(const btManifoldPoint& point, const btContactSolverInfo& in
 }
 constexpr int kSoft = BT_CONTACT_FLAG_HAS_CONTACT_CFM | BT_CONTACT_FLAG_HAS_CONTACT_ERP | BT_CONTACT_FLAG_CONTACT_STIFFNESS_DAMPING;
 
-void prefetch(const void* address) {
-#if defined(__GNUC__)
-    __builtin_prefetch(address);
-#else
-    (void)address;
-#endif
-}
-
 // Bullet's manifolds point at const objects although their users change them.
 btCollisionObject& object0Of(const btPersistentManifold& manifold) { return *const_cast<btCollisionObject*>(manifold.getBody0()); }
 btCollisionObject& object1Of(const btPersistentManifold& manifold) { return *const_cast<btCollisionObject*>(manifold.getBody1()); }
@@ -196,8 +188,7 @@ void Contacts::choose(const std::vector<btPersistentManifold*>& manifolds, btDis
     for (std::size_t i = 0; i < manifolds.size(); ++i) {
         if (i + ahead < manifolds.size()) {
             const char* const head = reinterpret_cast<const char*>(&manifolds[i + ahead]->m_index1a);
-            prefetch(head);
-            prefetch(head - 40);
+            prefetch<80>(head - 40);
         }
         btPersistentManifold& manifold = *manifolds[i];
         const int count = manifold.getNumContacts();
@@ -222,7 +213,13 @@ void Contacts::gather(const std::vector<btPersistentManifold*>& manifolds, btDis
     constexpr std::size_t grain = 64;
     m_keys.beginStep();
     choose(manifolds, dispatcher);
-    loops.each(m_entries.size(), grain, [&](std::size_t i) { fill(m_entries[i], info); });
+    loops.each(m_entries.size(), grain, [&](std::size_t i) {
+        if (i + 2 < m_entries.size()) {
+            prefetch<ContactKeys::kPoints * sizeof(btManifoldPoint)>(m_entries[i + 2].manifold);
+            m_keys.prefetchPlace(m_entries[i + 2].place);
+        }
+        fill(m_entries[i], info);
+    });
 
     int features = 0, left = 0;
     for (const Entry& entry : m_entries) {
@@ -364,6 +361,9 @@ void Contacts::scatter(const Loops& loops) const {
         return square > btScalar(0) ? impulse.dot(direction) / square : btScalar(0);
     };
     loops.each(m_tables.contacts.size(), 256, [&](std::size_t i) {
+        constexpr std::size_t ahead = 8;
+        if (i + ahead < m_tables.contacts.size())
+            prefetch<sizeof(btManifoldPoint)>(m_tables.contactOwners[i + ahead]);
         const ContactRecord& record = m_tables.contacts[i];
         btManifoldPoint& point = *m_tables.contactOwners[i];
         const btVector3 friction = vector(record.frictionImpulse); // on body 0

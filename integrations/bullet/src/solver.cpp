@@ -243,9 +243,12 @@ struct ConstraintSolver::Implementation {
         tables.clear();
         bodies.beginStep();
         constraints.beginStep();
-        for (btCollisionObject* object : groupBodies) {
-            object->setCompanionId(-1); // as the stock solver leaves it; the island manager counts on it
-            bodies.indexOf(*object);
+        for (std::size_t i = 0; i < groupBodies.size(); ++i) {
+            constexpr std::size_t ahead = 8;
+            if (i + ahead < groupBodies.size())
+                prefetch<sizeof(btRigidBody)>(groupBodies[i + ahead]);
+            groupBodies[i]->setCompanionId(-1); // as the stock solver leaves it; the island manager counts on it
+            bodies.indexOf(*groupBodies[i]);
         }
         for (btTypedConstraint* constraint : groupConstraints)
             constraints.gather(*constraint, info);
