@@ -1,13 +1,9 @@
-// Every kind of world that can call a btConstraintSolver, the threads that may run its sweeps, and btContactSolverInfo.
+// The threads that may run the sweeps, btContactSolverInfo, and the world that never calls a plain solver; matrix/worlds.cpp has the
+// others.
 #include "world.h"
 
-#include <BulletCollision/CollisionDispatch/btSimulationIslandManager.h>
-#include <BulletDynamics/ConstraintSolver/btSequentialImpulseConstraintSolverMt.h>
-#include <BulletDynamics/Dynamics/btDiscreteDynamicsWorldMt.h>
 #include <BulletDynamics/Featherstone/btMultiBodyConstraintSolver.h>
 #include <BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h>
-#include <BulletSoftBody/btSoftBodyRigidBodyCollisionConfiguration.h>
-#include <BulletSoftBody/btSoftRigidDynamicsWorld.h>
 #include <LinearMath/btThreads.h>
 
 #include <gtest/gtest.h>
@@ -25,117 +21,6 @@ cairn_config oneThread() {
     config.struct_size = sizeof config;
     config.threads = 1;
     return config;
-}
-
-// Two towers of boxes and a pendulum on a hinge: three islands, contacts and a joint. Steps a world for two seconds and
-// says how it stands; the world may be of any kind.
-void standsAndSwings(btDiscreteDynamicsWorld& world) {
-    world.setGravity(btVector3(0, btScalar(-9.81), 0));
-    btBoxShape ground(btVector3(50, 1, 50)), cube(btVector3(btScalar(0.5), btScalar(0.5), btScalar(0.5)));
-    btVector3 inertia;
-    cube.calculateLocalInertia(1, inertia);
-    btRigidBody floor(btRigidBody::btRigidBodyConstructionInfo(0, nullptr, &ground));
-    floor.setWorldTransform(at(0, -1, 0));
-    world.addRigidBody(&floor);
-    std::vector<std::unique_ptr<btRigidBody>> boxes;
-    for (int i = 0; i < 11; ++i) {
-        boxes.push_back(std::make_unique<btRigidBody>(btRigidBody::btRigidBodyConstructionInfo(1, nullptr, &cube, inertia)));
-        boxes.back()->setActivationState(DISABLE_DEACTIVATION);
-        boxes.back()->setWorldTransform(at(btScalar(i % 2 * 5), btScalar(0.5) + btScalar(i / 2), 0));
-    }
-    btRigidBody& bob = *boxes.back();
-    bob.setWorldTransform(at(-5, 10, 0));
-    bob.setDamping(0, 0);
-    for (const std::unique_ptr<btRigidBody>& box : boxes)
-        world.addRigidBody(box.get());
-    const btVector3 arm(-2, 0, 0);
-    btHingeConstraint hinge(bob, arm, btVector3(0, 0, 1));
-    world.addConstraint(&hinge);
-    const btVector3 anchor = bob.getWorldTransform() * arm;
-
-    double lowest = 10;
-    for (int i = 0; i < 120; ++i) {
-        world.stepSimulation(kDt, 0);
-        lowest = std::min(lowest, static_cast<double>(bob.getWorldTransform().getOrigin().y()));
-        EXPECT_LT((bob.getWorldTransform() * arm - anchor).length(), btScalar(2e-3)) << "step " << i;
-    }
-    for (int i = 0; i < 10; ++i) {
-        const btVector3& place = boxes[static_cast<std::size_t>(i)]->getWorldTransform().getOrigin();
-        EXPECT_NEAR(place.y(), 0.5 + i / 2, 0.01);
-        EXPECT_NEAR(place.x(), i % 2 * 5, 0.01);
-    }
-    EXPECT_NEAR(lowest, 8, 0.03) << "the pendulum's lowest point";
-    world.removeConstraint(&hinge);
-    for (const std::unique_ptr<btRigidBody>& box : boxes)
-        world.removeRigidBody(box.get());
-    world.removeRigidBody(&floor);
-}
-
-TEST(Worlds, DiscreteWithAndWithoutSplitIslands) {
-    for (const bool split : {true, false}) {
-        SCOPED_TRACE(split);
-        TestWorld w(Behind::cairn, btVector3(0, 0, 0), split ? Landing::action : Landing::mixin);
-        w.world->getSimulationIslandManager()->setSplitIslands(split);
-        standsAndSwings(*w.world);
-        EXPECT_EQ(w.cairn->lastStatus(), CAIRN_OK) << w.cairn->lastError();
-        EXPECT_GE(w.cairn->statistics().islands, 3u) << "one batch";
-    }
-}
-
-// Whether islands come in one call or many, they are one batch.
-TEST(Worlds, BatchSizeDoesNotMatter) {
-    for (const int size : {1, 1 << 30}) {
-        TestWorld w;
-        w.world->getSolverInfo().m_minimumSolverBatchSize = size;
-        standsAndSwings(*w.world);
-        EXPECT_GE(w.cairn->statistics().islands, 3u) << "batches of " << size;
-    }
-}
-
-// A pool forwards neither prepareSolve() nor allSolved(): each group is solved when it comes.
-TEST(Worlds, MultithreadedWithAPool) {
-    for (const bool exact : {false, true}) {
-        TestWorld parts; // its collision parts
-        cairn_config config = oneThread();
-        std::vector<cairn::bullet::ConstraintSolver*> made;
-        btAlignedObjectArray<btConstraintSolver*> solvers;
-        for (int i = 0; i < 3; ++i) {
-            made.push_back(new cairn::bullet::ConstraintSolver(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT, &config));
-            solvers.push_back(made.back());
-        }
-        btConstraintSolverPoolMt pool(&solvers[0], solvers.size()); // deletes them
-        cairn::bullet::LandingWorld<btDiscreteDynamicsWorldMt> world(&parts.dispatcher, &parts.broadphase, &pool, nullptr,
-                                                                     &parts.configuration);
-        if (exact)
-            for (cairn::bullet::ConstraintSolver* solver : made)
-                world.land(*solver);
-        standsAndSwings(world);
-    }
-}
-
-TEST(Worlds, MultithreadedAsTheSolverOfLargeIslands) {
-    const int before = btSequentialImpulseConstraintSolverMt::s_minimumContactManifoldsForBatching;
-    btSequentialImpulseConstraintSolverMt::s_minimumContactManifoldsForBatching = 4; // a tower is large
-    TestWorld parts;
-    cairn_config config = oneThread();
-    cairn::bullet::ConstraintSolver large(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT, &config);
-    btConstraintSolver* small[] = {new cairn::bullet::ConstraintSolver(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT, &config)};
-    btConstraintSolverPoolMt pool(small, 1);
-    btDiscreteDynamicsWorldMt world(&parts.dispatcher, &parts.broadphase, &pool, &large, &parts.configuration);
-    standsAndSwings(world);
-    EXPECT_GE(large.statistics().manifolds, 5u);
-    btSequentialImpulseConstraintSolverMt::s_minimumContactManifoldsForBatching = before;
-}
-
-TEST(Worlds, SoftRigid) {
-    btSoftBodyRigidBodyCollisionConfiguration configuration;
-    btCollisionDispatcher dispatcher(&configuration);
-    btDbvtBroadphase broadphase;
-    cairn_config config = oneThread();
-    cairn::bullet::ConstraintSolver solver(CAIRN_METHOD_TJSOFT, CAIRN_PRESET_DEFAULT, &config);
-    btSoftRigidDynamicsWorld world(&dispatcher, &broadphase, &solver, &configuration);
-    standsAndSwings(world);
-    EXPECT_EQ(solver.lastStatus(), CAIRN_OK) << solver.lastError();
 }
 
 TEST(Worlds, AMultiBodyWorldIsToldApart) {

@@ -52,12 +52,14 @@ class TestWorld {
     TestWorld(const TestWorld&) = delete;
     TestWorld& operator=(const TestWorld&) = delete;
 
-    btRigidBody& add(std::unique_ptr<btCollisionShape> shape, btScalar mass, const btTransform& pose, bool sleeps = false) {
+    btRigidBody& add(std::unique_ptr<btCollisionShape> shape, btScalar mass, const btTransform& pose, bool sleeps = false,
+                     bool additionalDamping = false) {
         btVector3 inertia(0, 0, 0);
         if (mass > 0)
             shape->calculateLocalInertia(mass, inertia);
         btRigidBody::btRigidBodyConstructionInfo info(mass, nullptr, shape.get(), inertia);
         info.m_startWorldTransform = pose;
+        info.m_additionalDamping = additionalDamping;
         bodies.push_back(std::make_unique<btRigidBody>(info));
         shapes.push_back(std::move(shape));
         if (!sleeps && mass > 0)

@@ -26,6 +26,15 @@ btVector3 turnRate(const btQuaternion& from, const btQuaternion& to, btScalar dt
     return axis * ((turn.w() < 0 ? -angle : angle) / (sine * dt));
 }
 
+// A free body goes by M^-1 times Bullet's totals, which have its factor F in them once; what F M^-1 F must get for the same.
+btVector3 unfactored(const btVector3& total, const btVector3& factor) {
+    btVector3 result = total;
+    for (int i = 0; i < 3; ++i)
+        if (factor[i] != btScalar(0))
+            result[i] /= factor[i] * factor[i];
+    return result;
+}
+
 // v becomes `end` exactly where nobody else changed it, and else keeps the change.
 btVector3 landed(const btVector3& v, const btScalar (&average)[3], const btScalar (&end)[3]) {
     return v == vector(average) ? vector(end) : v + (vector(end) - vector(average));
@@ -97,8 +106,8 @@ void Bodies::fill(BodyRecord& record, btCollisionObject& object, btRigidBody* ow
         store(record.angularVelocity, body->getAngularVelocity());
         record.inverseMass = body->getInvMass();
         store(record.inverseInertia, body->getInvInertiaDiagLocal());
-        store(record.force, body->getTotalForce()); // gravity is in it
-        store(record.torque, body->getTotalTorque());
+        store(record.force, unfactored(body->getTotalForce(), body->getLinearFactor())); // gravity is in it
+        store(record.torque, unfactored(body->getTotalTorque(), body->getAngularFactor()));
         store(record.linearFactor, body->getLinearFactor());
         store(record.angularFactor, body->getAngularFactor());
         const int gyroscopic =

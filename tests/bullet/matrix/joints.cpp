@@ -1,6 +1,6 @@
 // Every joint type of Bullet's, every feature of it: Cairn beside stock Bullet in small substeps.
-#include "../world.h"
 #include "conformance.h"
+#include "scenes.h"
 
 #include <BulletDynamics/ConstraintSolver/btConeTwistConstraint.h>
 #include <BulletDynamics/ConstraintSolver/btContactConstraint.h>
@@ -17,8 +17,6 @@
 namespace {
 
 using conformance::Reference;
-
-constexpr int kSmall = 30; // substeps of the reference
 
 btTransform turned(const btVector3& axis, btScalar angle, const btVector3& origin) {
     return btTransform(btQuaternion(axis.normalized(), angle), origin);
