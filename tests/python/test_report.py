@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cairn import report, report_cache, report_outcome, report_plan, scenes, workers
+from cairn import cli, report, report_cache, report_outcome, report_plan, scenes, workers
 from cairn.charts import atlas, error_time, profiles, work_precision
 from cairn.charts.result import Comparison, Measured, Request, Result
 from cairn.recording import SERIES, Recording
@@ -86,6 +86,17 @@ def test_beating_needs_to_be_better_in_one_and_worse_in_none() -> None:
     assert not work_precision.beats(first, other) and not work_precision.beats(other, first)
     fallen = error_time.Point(result("pj", 1.0, 1.0), 1.0, None)
     assert work_precision.beats(first, fallen) and not work_precision.beats(fallen, worse)
+
+
+def test_errors_below_the_floor_are_alike_and_bodies_that_flew_stand_apart() -> None:
+    flown = replace(result("tj", 0.5, 1e15, "paper"), exploded=True)
+    runs = [result("pj", 1.0, 1e-8, "default"), result("stock", 2.0, 1e-9), flown]
+    drawn = work_precision.work_precision(Comparison("hub", runs, FRAMES), ERROR, {})
+    rows = list(csv.DictReader(io.StringIO(drawn.csv)))
+    assert [row["pareto"] for row in rows] == ["1", "0", "0"]
+    assert [row["failed"] for row in rows] == ["0", "0", "1"]
+    assert "Fail at every setting: TJ, paper." in drawn.notes
+    assert any("count as alike" in note for note in drawn.notes)
 
 
 def test_a_chart_names_its_front_its_frames_and_what_is_missing() -> None:
@@ -174,6 +185,15 @@ def rising(value: float, from_frame: int) -> np.ndarray[Any, Any]:
 )  # fmt: skip
 def test_the_first_failure_decides(run: Recording, state: str, kind: str, frame: int | None) -> None:
     assert report_outcome.outcome(run) == report_outcome.Outcome(state, kind, frame)
+
+
+@pytest.mark.parametrize("scene", list(scenes.SCENES))
+def test_what_no_scene_can_make_has_exploded(scene: str) -> None:
+    """The speeds that a scene starts with, and those of a fall through it, are none of it."""
+    built = scenes.build(scene)
+    given = max(float(np.linalg.norm(body.linear_velocity)) for body in built.bodies)
+    assert not report_outcome.exploded(recording(scene, max_speed_m_s=given))
+    assert report_outcome.exploded(recording(scene, max_speed_m_s=1e3))
 
 
 def test_errors_are_the_scenes_own_quantity() -> None:
@@ -290,7 +310,7 @@ def test_a_report_that_is_killed_goes_on_where_it_stopped(tmp_path: Path, capsys
     assert f"{total} runs, {total} of them kept" in capsys.readouterr().out
 
     text = page.read_text(encoding="utf-8")
-    assert text.count("<svg") == 3 and "tumble 61" in text
+    assert text.count("<svg") == 3 and "61 frames of each scene" in text
     loaded = re.findall(r'\b(?:src|href|srcset|data|action|poster)\s*=\s*["\']?([^"\'\s>]+)', text)
     assert [target for target in loaded if not target.startswith("#")] == []
     assert not re.search(r"@import|url\((?!#)|\bfetch\(|XMLHttpRequest|\bimport\(", text)
@@ -305,6 +325,26 @@ def test_a_report_has_the_maps_of_its_scenes(tmp_path: Path) -> None:
     rows = list(csv.DictReader(io.StringIO((tmp_path / "atlas-overlap.csv").read_text())))
     assert len(rows) == 14 * 5 and {row["state"] for row in rows} <= {SURVIVED, DEGRADED, FAILED}
     assert "61 frames" in page and "NaN: a number not finite" in page
+
+
+def test_frames_are_told_once_where_they_are_the_same() -> None:
+    assert report._frames({"a": 5, "b": 5}) == "5 frames of each scene."
+    assert report._frames({"a": 5, "b": 3, "c": 4}) == "5 frames of each scene, but of b 3, c 4."
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--scenes", "nowhere"], "no scene is called 'nowhere'"),
+        (["--scenes", ","], "--scenes names none"),
+        (["--frames", "60"], "60 frames are too few"),
+    ],
+)
+def test_the_command_refuses_what_cannot_be(
+    arguments: list[str], text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["report", str(tmp_path / "out"), "--quick", *arguments]) == 2
+    assert text in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
 def test_too_few_frames_are_refused() -> None:

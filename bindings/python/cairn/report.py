@@ -8,7 +8,7 @@ what is kept is not run again.
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -75,6 +75,13 @@ def _cost(request: Request) -> float:
     return 100.0 + 0.2 * len(built.bodies) * sweeps
 
 
+def _frames(counts: Mapping[str, int]) -> str:
+    """How many frames of each scene, in words."""
+    most = max(counts.values())
+    others = ", ".join(f"{scene} {count}" for scene, count in counts.items() if count != most)
+    return f"{most} frames of each scene" + (f", but of {others}" if others else "") + "."
+
+
 def parts(
     found: dict[Task, Entry], by_scene: dict[str, list[Task]], maps: Sequence[MapPlan], footnote: str
 ) -> list[Part]:
@@ -89,7 +96,7 @@ def parts(
         sizes = {k: v for k, v in dict(tasks[0].request.changes).items() if not isinstance(v, str)}
         drawn = work_precision(comparison, report_outcome.measured(built), sizes, footnote)
         shown.append((scene, built.why, drawn))
-    frames = "Frames: " + ", ".join(f"{c.scene} {c.frames}" for c in comparisons) + "."
+    frames = _frames({c.scene: c.frames for c in comparisons})
     made = [
         Part(
             "work-precision",
@@ -152,7 +159,7 @@ def write(
             {"scene": e.task.request.scene, "label": e.task.request.label, "why": e.result.error} for e in missing
         ],
         total=len(found),
-        frames="Frames: " + ", ".join(f"{scene} {count}" for scene, count in frames.items()) + ".",
+        frames=_frames(frames),
         footnote=footnote,
         facts=[
             ("machine and build", build_text()),

@@ -81,7 +81,8 @@ def entry(task: Task, result: Result, conditions: str) -> Entry:
         return Entry(task, result, Outcome(report_outcome.UNKNOWN, "out of time" if result.stopped else ""), conditions)
     error = report_outcome.error_of(recording)
     summary = {**recording.summary, "error": error if math.isfinite(error) else None}
-    kept = Result(result.request, _bare(summary, recording.scene), seconds=result.seconds)
+    flew = report_outcome.exploded(recording)
+    kept = Result(result.request, _bare(summary, recording.scene), seconds=result.seconds, exploded=flew)
     return Entry(task, kept, report_outcome.outcome(recording), conditions)
 
 
@@ -115,7 +116,8 @@ def load(folder: Path, task: Task) -> Entry | None:
     except (OSError, ValueError, KeyError, TypeError):
         return None
     recording = None if summary is None else _bare(summary, scene_of(task))
-    result = Result(task.request, recording, error, seconds, stopped=summary is None)
+    flew = recording is not None and report_outcome.exploded(recording)
+    result = Result(task.request, recording, error, seconds, stopped=summary is None, exploded=flew)
     return Entry(task, result, outcome, conditions)
 
 

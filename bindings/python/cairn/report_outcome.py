@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from .charts import verdict
-from .charts.result import Measured, Result
+from .charts.result import Measured
 from .metrics import SETTLED_FRAME
 from .recording import Recording, smallest_reach
 from .scenes.model import Scene
@@ -20,7 +19,8 @@ STATES = (SURVIVED, DEGRADED, FAILED, UNKNOWN)
 NAN, COLLAPSED, EXPLODED = "NaN", "collapsed", "exploded"
 
 _SLIGHT = 0.05  # of a box's or link's size: an error that is no more than this leaves a run one that survived
-_FALL = 2.0  # times the speed of a free fall through the scene: what is faster has exploded
+_FALL = 2.0  # times the speed of a free fall through the scene, or its motors': what is faster has exploded
+_LEAST_SPEED = 1.0  # m/s, of that
 
 
 @dataclass(frozen=True)
@@ -63,18 +63,27 @@ def size_of(scene: Scene) -> float:
 
 def limits(scene: Scene) -> Limits:
     """A scene's: of its anchors' gap, its neighbours' speed, or how far its bodies drift or settle."""
-    reach = scene.start_positions[scene.masses > 0]
-    extent = float(np.linalg.norm(np.ptp(reach, axis=0))) + 2 * smallest_reach(scene) + scene.settings.get("radius", 0)
-    fall = _FALL * math.sqrt(2 * float(np.linalg.norm(scene.gravity)) * extent)
+    moving = scene.start_positions[scene.masses > 0]
+    extent = float(np.linalg.norm(np.ptp(moving, axis=0))) + 2 * smallest_reach(scene) + scene.settings.get("radius", 0)
+    fall = math.sqrt(2 * float(np.linalg.norm(scene.gravity)) * extent)
+    given = max((float(np.linalg.norm(body.linear_velocity)) for body in scene.bodies), default=0.0)
+    driven = max((abs(joint.motor_speed) * extent for joint in scene.joints), default=0.0)
+    fastest = _FALL * max(fall + given, driven, _LEAST_SPEED)
     size = size_of(scene)
     if scene.neighbours:
         cap = verdict.limit(scene)
         assert cap is not None
-        return Limits("the peak speed of separation", "m/s", cap[0], 2 * cap[0], EXPLODED, fall)
+        return Limits("the peak speed of separation", "m/s", cap[0], 2 * cap[0], EXPLODED, fastest)
     if scene.joints:
-        return Limits("the widest anchor gap", "m", _SLIGHT * size, 0.5 * size, COLLAPSED, fall)
+        return Limits("the widest anchor gap", "m", _SLIGHT * size, 0.5 * size, COLLAPSED, fastest)
     what = f"drift after frame {SETTLED_FRAME} and settling until then"
-    return Limits(what, "m", _SLIGHT * size, 0.5 * size, COLLAPSED, fall)
+    return Limits(what, "m", _SLIGHT * size, 0.5 * size, COLLAPSED, fastest)
+
+
+def exploded(recording: Recording) -> bool:
+    """Whether a body was faster than the scene's limit, in any frame."""
+    speed = recording.summary["max_speed_m_s"]
+    return speed is not None and bool(speed > limits(recording.scene).speed)
 
 
 def outcome(recording: Recording) -> Outcome:
@@ -147,8 +156,3 @@ def scale(scene: Scene) -> tuple[float, str]:
     speeds = np.array([body.linear_velocity for body in scene.bodies])
     kinetic = 0.5 * float(np.sum(scene.masses[:, None] * speeds**2) + np.sum(scene.inertias * spins**2))
     return kinetic + float(scene.masses @ np.maximum(heights, 0)), "energy at the start"
-
-
-def figures(result: Result) -> Mapping[str, float]:
-    """Of a run's summary, what the tables have."""
-    return {key: result.number(key) for key in ("error", "solver_ms_median", "step_ms_median", "frames")}

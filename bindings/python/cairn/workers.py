@@ -21,7 +21,7 @@ from typing import Callable, cast
 from .charts.result import Request, Result
 
 _REPORT = 0.3  # s between two words of a run on how far it is
-_STUCK = 20.0  # times its processor time: wall-clock time after which a run is stuck within a step
+_STUCK = 50.0  # times its processor time and 5 s: wall-clock time after which a run is stuck, within a step
 
 Progress = Callable[[Request, int], None]  # a request and how many of its frames are done
 
@@ -96,7 +96,7 @@ class _Worker:
     def run(self, task: Task, progress: Progress) -> Result:
         try:
             self._pipe.send(task)
-            deadline = time.monotonic() + _STUCK * (task.limit_s + 1)
+            deadline = time.monotonic() + _STUCK * (task.limit_s + 5)
             while True:
                 if math.isfinite(deadline) and not self._pipe.poll(max(0.0, deadline - time.monotonic())):
                     self._process.kill()

@@ -65,6 +65,7 @@ class Result:
     error: str = ""
     seconds: float = 0.0  # wall-clock time of the whole run
     stopped: bool = False  # it has no recording because its time was up
+    exploded: bool = False  # a body was faster than anything in its scene could make it
 
     def number(self, key: str) -> float:
         """A figure of the summary; NaN if the run did not finish or does not have it."""
@@ -82,8 +83,9 @@ class Result:
 
     @property
     def failed(self) -> bool:
-        """No recording, numbers that are not finite, or a pile that fell."""
-        return self.recording is None or not self.summary.get("finite", True) or self.collapsed_at is not None
+        """No recording, numbers that are not finite, a pile that fell, or bodies that flew."""
+        unsound = self.recording is None or self.exploded or not self.summary.get("finite", True)
+        return unsound or self.collapsed_at is not None
 
     def series(self, key: str) -> Array:
         """A figure of every frame; empty if the run did not finish."""

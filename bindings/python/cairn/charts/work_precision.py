@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from adjustText import adjust_text  # type: ignore[import-untyped]
 from matplotlib.axes import Axes
@@ -63,7 +64,9 @@ def work_precision(comparison: Comparison, quantity: Measured, sizes: Mapping[st
 
     The settings of a method, preset and number of substeps are joined; those on the Pareto front are named.
     """
-    found = points(comparison, quantity)
+    raw = points(comparison, quantity)
+    # Errors below the floor are all alike: none of them beats another.
+    found = [p if p.error is None else replace(p, error=p.height) for p in raw]
     front = pareto(found)
     with style.figure(6.6) as drawing:
         panel = drawing.subplots()
@@ -80,8 +83,8 @@ def work_precision(comparison: Comparison, quantity: Measured, sizes: Mapping[st
                    alpha=0.7, zorder=1)  # fmt: skip
         if any(p.error is None for p in found):
             line_at(panel, top, "", "--")
-            panel.annotate("failed: fell, or not finite", (1, top), xycoords=("axes fraction", "data"), xytext=(-4, 8),
-                           textcoords="offset points", ha="right", fontsize=8.5)  # fmt: skip
+            panel.annotate("failed: fell, flew, or not finite", (1, top), xycoords=("axes fraction", "data"),
+                           xytext=(-4, 8), textcoords="offset points", ha="right", fontsize=8.5)  # fmt: skip
         _legend(panel, found)
         panel.margins(x=0.08, y=0.08)
         style.layout(drawing)
@@ -93,8 +96,8 @@ def work_precision(comparison: Comparison, quantity: Measured, sizes: Mapping[st
             x, y = [p.milliseconds for p in found], [top if p.error is None else p.height for p in found]
             adjust_text(texts, x, y, ax=panel, expand=(1.25, 1.5), arrowprops=thread)
         notes = [*standing(found), *_missing(comparison.results, found)]
-        if any(p.error is not None and p.error < FLOOR for p in found):
-            notes.append(f"Errors below {FLOOR:g} are drawn there.")
+        if any(p.error is not None and p.error < FLOOR for p in raw):
+            notes.append(f"Errors below {FLOOR:g} are drawn there, and count as alike.")
         title = f"{comparison.scene}: {quantity.title} against solver time"
         rows = [HEADING, *(_row(result, quantity, front, found) for result in comparison.results)]
         return drawn(drawing, f"work-precision-{comparison.scene}", title, rows, notes, footnote)
