@@ -10,8 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec  # viser's, as zstandard is
 import numpy as np
 import pytest
+import zstandard
 
 from cairn import charts, demo, replay, scenes, workers
 from cairn.charts import claims, error_time, report, scaling, verdict
@@ -280,7 +282,6 @@ def test_results_hold_every_run_with_its_summary(study: report.Study) -> None:
 
 def unpacked(data: str) -> dict[str, Any]:
     """A recorded replay, as viser stores it: a length, then compressed with zstandard a length and msgpack."""
-    msgspec, zstandard = pytest.importorskip("msgspec"), pytest.importorskip("zstandard")
     raw = base64.b64decode(data)
     inner = zstandard.ZstdDecompressor().decompress(raw[8:], max_output_size=int.from_bytes(raw[:8], "little"))
     size = int.from_bytes(inner[:8], "little")
