@@ -52,7 +52,7 @@ struct Statistics {
 struct NotFinite : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
-// An instruction set that the processor lacks.
+// An instruction set that the processor lacks, or a device that is not there.
 struct Unsupported : std::runtime_error {
     using std::runtime_error::runtime_error;
 };

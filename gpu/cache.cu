@@ -26,7 +26,7 @@ struct RememberLane {
     __device__ bool stopped() const { return d.report->bad_input != 0; }
     __device__ void operator()(u32 lane) const {
         const u32 head = d.lane_head[lane];
-        if (head == 0xffffffffu)
+        if (head == kNone)
             return;
         const Input& input = d.request->input;
         for (u32 p = 0; p < d.lane_count[lane]; ++p) {
@@ -68,20 +68,16 @@ void DeviceCache::prepare(const Capacity& capacity, cudaStream_t stream) {
     used_ = false;
     const u32 rows[] = {capacity.contacts, capacity.joints, capacity.rows};
     const auto lay_out = [&](std::byte* base) {
-        std::size_t used = 0;
-        const auto add = [&](auto*& array, std::size_t count) {
-            array = base ? reinterpret_cast<std::remove_reference_t<decltype(array)>>(base + used) : nullptr;
-            used += (count * sizeof *array + 255) / 256 * 256;
-        };
+        Carver to(base);
         for (u32 k = 0; k < 3; ++k) {
             Memory& memory = memories_.*kKinds[k].memory;
             memory.capacity = rows[k];
             memory.table_size = rows[k] > 0 ? std::bit_ceil(2 * rows[k]) : 0;
-            add(memory.key, rows[k]);
-            add(memory.values, std::size_t{rows[k]} * kKinds[k].width);
-            add(memory.table, memory.table_size);
+            to.add(memory.key, rows[k]);
+            to.add(memory.values, std::size_t{rows[k]} * kKinds[k].width);
+            to.add(memory.table, memory.table_size);
         }
-        return used;
+        return to.used();
     };
     buffer_.reserve(lay_out(nullptr));
     lay_out(buffer_.data());

@@ -6,9 +6,9 @@
 
 namespace cairn::gpu {
 
-__device__ inline u32 home_of(u64 key, u32 table_size) { // Fibonacci hashing, as core/scene/cache.cpp
-    return static_cast<u32>((key * 0x9e3779b97f4a7c15u) >> 32) & (table_size - 1);
-}
+// Fibonacci hashing, as core/scene/cache.cpp
+__device__ inline u32 hash_of(u64 key) { return static_cast<u32>((key * 0x9e3779b97f4a7c15u) >> 32); }
+__device__ inline u32 home_of(u64 key, u32 table_size) { return hash_of(key) & (table_size - 1); }
 
 class DeviceCache {
   public:

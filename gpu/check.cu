@@ -163,7 +163,7 @@ struct UniqueKey {
         const u64 mine = key.key(i);
         if (mine == 0)
             return true;
-        u32 at = static_cast<u32>((u64{static_cast<u32>((mine * 0x9e3779b97f4a7c15u) >> 32)} * table_size) >> 32);
+        u32 at = static_cast<u32>((u64{hash_of(mine)} * table_size) >> 32);
         for (;;) {
             const u32 other = atomicCAS(&table[at], 0u, i + 1);
             if (other == 0)

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <new>
 #include <stdexcept>
 #include <string>
 
@@ -16,6 +17,8 @@ inline void check(cudaError_t error, const char* what) {
     if (error == cudaSuccess)
         return;
     cudaGetLastError(); // or a later call would report it again
+    if (error == cudaErrorMemoryAllocation)
+        throw std::bad_alloc(); // of the driver's own: a stream, a graph
     throw std::runtime_error(std::string("CUDA: ") + what + ": " + cudaGetErrorString(error) + " (" + cudaGetErrorName(error) + ")");
 }
 
@@ -30,6 +33,7 @@ __device__ inline float* shared_memory() {
 }
 
 constexpr u32 kThreads = 256; // of a block, where nothing else is said
+inline u32 blocks_for(u32 count) { return count == 0 ? 1 : (count - 1) / kThreads + 1; }
 
 // A loop without order: body(i) for i in 0 ... count, unless something has stopped the step.
 template <class Body> __global__ void __launch_bounds__(kThreads) loop_kernel(const __grid_constant__ Body body, u32 count) {
@@ -53,7 +57,7 @@ template <class Body> void loop(cudaStream_t stream, u32 count, const Body& body
     constexpr u32 most = 4096; // blocks: enough to fill any device
     if (count == 0)
         return;
-    const u32 wanted = (count - 1) / kThreads + 1;
+    const u32 wanted = blocks_for(count);
     launch(stream, wanted < most ? wanted : most, kThreads, 0, loop_kernel<Body>, body, count);
 }
 

@@ -90,7 +90,7 @@ __device__ inline float block_tree_sum(const float* values, float* level_a, floa
 }
 // Islands with many blocks by a CUDA block each, the others by a thread each.
 template <class Team> __device__ void run_islands(Stage stage, const Frame<float>& f, const Layout& d, const Tile& t, const Team& team) {
-    const u32 elements = d.capacity.contacts + d.capacity.joints + d.capacity.rows;
+    const u32 elements = d.capacity.elements();
     for (u32 i = t.large.begin + team.block(); i < t.large.end; i += team.blocks()) {
         const u32 begin = f.island_begin[i], end = f.island_begin[i + 1];
         float restart = 0, residual = 0;

@@ -68,7 +68,7 @@ struct ClearRow : Write {
 struct WriteLane : Write {
     __device__ void operator()(u32 lane) const {
         const u32 head = d.lane_head[lane];
-        if (head == 0xffffffffu)
+        if (head == kNone)
             return;
         const Output& output = request().output;
         const bool special = head < d.joint_base() && contact_group_of(d.lane_shape[lane]).special();

@@ -46,7 +46,7 @@ struct Launches {
     Frame<float>& frame = solve.frame;
 
     void run(void (*kernel)(Solve), u32 count) const {
-        const u32 wanted = count == 0 ? 1 : (count - 1) / kThreads + 1;
+        const u32 wanted = blocks_for(count);
         launch(stream, wanted < most_blocks ? wanted : most_blocks, kThreads, 0, kernel, solve);
     }
     template <Stage stage> void lanes() const {

@@ -31,7 +31,7 @@ template <class Team> void launch_team(const Solve& solve, u32 blocks, cudaLaunc
 } // namespace
 
 void execute_in_grid(const Solve& solve, u32 lanes, const DeviceFacts& device, cudaStream_t stream) {
-    const u32 wanted = std::max(1u, (lanes - 1) / kThreads + 1);
+    const u32 wanted = blocks_for(lanes);
     cudaLaunchAttribute attribute = {};
     if (device.clusters && wanted <= kClusterBlocks) {
         attribute.id = cudaLaunchAttributeClusterDimension;

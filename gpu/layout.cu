@@ -1,38 +1,8 @@
 #include "layout.h"
 
-#if defined(__SANITIZE_ADDRESS__)
-#include <sanitizer/asan_interface.h>
-#endif
+#include "memory.h"
 
 namespace cairn::gpu {
-
-namespace {
-
-// Arrays one after the other, each on a line of the memory's own; the gaps are poisoned where a sanitizer looks.
-class Carver {
-  public:
-    explicit Carver(std::byte* base) : base_(base) {}
-
-    template <class T> void add(T*& array, std::size_t count) {
-        array = base_ ? reinterpret_cast<T*>(base_ + used_) : nullptr;
-        const std::size_t size = count * sizeof(T), padded = (size + kLine) / kLine * kLine; // at least a byte of gap
-#if defined(__SANITIZE_ADDRESS__)
-        if (base_) {
-            ASAN_UNPOISON_MEMORY_REGION(base_ + used_, size);
-            ASAN_POISON_MEMORY_REGION(base_ + used_ + size, padded - size);
-        }
-#endif
-        used_ += padded;
-    }
-    std::size_t used() const { return used_; }
-
-  private:
-    static constexpr std::size_t kLine = 256;
-    std::byte* base_;
-    std::size_t used_ = 0;
-};
-
-} // namespace
 
 std::size_t carve(const Capacity& c, std::size_t scratch_size, std::byte* base, Layout& l) {
     const std::size_t bodies = c.bodies, elements = c.elements(), rows = c.body_rows(), tiles = c.tiles();

@@ -16,19 +16,25 @@ namespace cairn::gpu {
 
 constexpr u32 kTileQuota = 128; // bodies and lanes: a tile is closed when it has as many
 
-struct Capacity {
+// How much there is of each table: of a step, or at most.
+struct Counts {
     u32 bodies = 0, contacts = 0, joints = 0, rows = 0;
+
+    CAIRN_HD u32 elements() const { return contacts + joints + rows; }
+    CAIRN_HD u32 tiles() const { return (bodies + elements()) / kTileQuota + 2; } // at most
+};
+struct Capacity : Counts {
     u32 traced = 0;  // sweeps of which residuals are kept
     u32 special = 0; // contacts that may be special
 
-    CAIRN_HD u32 elements() const { return contacts + joints + rows; }
-    u32 tiles() const { return (bodies + elements()) / kTileQuota + 2; }
-    u32 body_rows() const { return bodies + tiles(); }
+    CAIRN_HD u32 body_rows() const { return bodies + tiles(); }
     bool holds(const Capacity& other) const {
         return bodies >= other.bodies && contacts >= other.contacts && joints >= other.joints && rows >= other.rows &&
                traced >= other.traced && special >= other.special;
     }
 };
+
+constexpr u32 kNone = 0xffffffffu; // no element, no lane
 
 // Kinds of body; a kinematic one moves, but nothing moves it.
 constexpr u32 kFixedBody = 0, kKinematicBody = 1, kMovableBody = 2;

@@ -9,7 +9,6 @@ namespace cairn::gpu {
 
 namespace {
 
-constexpr u32 kNone = 0xffffffffu;
 constexpr u32 kLargeIsland = 32; // blocks: more are added up by a whole CUDA block
 
 // Union-find over bodies as in core/scene/islands.h: the smallest body becomes the root, whoever comes first.

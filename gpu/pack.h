@@ -4,11 +4,6 @@
 
 namespace cairn::gpu {
 
-// How much of each table there is this time.
-struct Counts {
-    u32 bodies, contacts, joints, rows;
-};
-
 // Bytes that the sorts and scans of a layout of this capacity need beside their arrays.
 std::size_t pack_scratch(const Capacity& capacity);
 

@@ -45,8 +45,11 @@ class CudaSolver final : public Solver {
         facts_.clusters = clusters != 0;
     }
     ~CudaSolver() override {
-        cudaSetDevice(device_);
-        cudaStreamSynchronize(stream_);
+        try {
+            const Current current(device_);
+            cudaStreamSynchronize(stream_);
+        } catch (...) { // a device that is lost has no work left
+        }
     }
 
     void begin(const Input& input, const Output& output) override {
@@ -72,6 +75,7 @@ class CudaSolver final : public Solver {
         Statistics now = statistics_of(report);
         results_.deliver(input_);
         cache_.swap(next_cache_);
+        split_.swap(next_split_);
         trace_.swap(next_trace_);
         component_ = report.component;
         largest_ = quota_ == kOneTile ? Largest{} : Largest{report.tile_rows, report.tile_lanes};
@@ -89,7 +93,7 @@ class CudaSolver final : public Solver {
             const Current current(device_);
             split_counts_.resize(bodies_);
             if (bodies_ > 0)
-                check(cudaMemcpy(split_counts_.data(), layout_.split, bodies_ * sizeof(u32), cudaMemcpyDeviceToHost),
+                check(cudaMemcpy(split_counts_.data(), split_.data(), bodies_ * sizeof(u32), cudaMemcpyDeviceToHost),
                       "fetching split counts");
             split_known_ = true;
         }
@@ -146,7 +150,7 @@ class CudaSolver final : public Solver {
         pack(layout_, counts, cache_.view(), params.residual_trace, stream_);
         packed_.record(stream_);
 
-        const u32 elements = counts.contacts + counts.joints + counts.rows;
+        const u32 elements = counts.elements();
         // NaNs: sweeps in which an island rests leave theirs
         if (params.residual_trace)
             check(cudaMemsetAsync(layout_.trace, 0xff, sizeof(float) * params.iterations * std::size_t{counts.bodies}, stream_),
@@ -154,7 +158,7 @@ class CudaSolver final : public Solver {
         set_pointers();
         solve_.plan = plan_of(params, elements > 0, input.contacts.count > 0 && input.contacts.restitution.present());
         if (executor_ == Executor::block)
-            execute_in_blocks(solve_, tiles_at_most(counts), rows_expected(counts), lanes_expected(elements), facts_, stream_);
+            execute_in_blocks(solve_, counts.tiles(), rows_expected(counts), lanes_expected(elements), facts_, stream_);
         else if (executor_ == Executor::grid)
             execute_in_grid(solve_, elements > counts.bodies ? elements : counts.bodies, facts_, stream_);
         else
@@ -162,6 +166,10 @@ class CudaSolver final : public Solver {
         solved_.record(stream_);
 
         next_cache_.remember(layout_, solve_.frame.h, stream_);
+        next_split_.reserve(counts.bodies * sizeof(u32)); // of its own: a step that fails leaves the last one's
+        if (counts.bodies > 0)
+            check(cudaMemcpyAsync(next_split_.data(), layout_.split, counts.bodies * sizeof(u32), cudaMemcpyDeviceToDevice, stream_),
+                  "keeping split counts");
         gpu::finish(layout_, counts, stream_);
         finished_.record(stream_);
         results_.fetch(layout_.body_kind, stream_);
@@ -203,14 +211,15 @@ class CudaSolver final : public Solver {
 
     // Grows by half at a time; what just suffices, where more cannot be had.
     void make_room(const Counts& n, bool special) {
-        const Capacity needed{
-            n.bodies, n.contacts, n.joints, n.rows, params.residual_trace ? params.iterations : 0, special ? n.contacts : 0};
+        const Capacity needed{n, params.residual_trace ? params.iterations : 0, special ? n.contacts : 0};
         if (layout_.capacity.holds(needed) && memory_.data())
             return;
         const auto grown = [](u32 has, u32 needs) { return needs <= has ? has : needs > has + has / 2 ? needs : has + has / 2; };
         const Capacity& has = layout_.capacity;
-        const Capacity wished{grown(has.bodies, needed.bodies), grown(has.contacts, needed.contacts), grown(has.joints, needed.joints),
-                              grown(has.rows, needed.rows),     std::max(has.traced, needed.traced),  grown(has.special, needed.special)};
+        const Capacity wished{{grown(has.bodies, needed.bodies), grown(has.contacts, needed.contacts), grown(has.joints, needed.joints),
+                               grown(has.rows, needed.rows)},
+                              std::max(has.traced, needed.traced),
+                              grown(has.special, needed.special)};
         layout_.capacity = {}; // whatever was there is gone
         try {
             take(wished);
@@ -229,12 +238,11 @@ class CudaSolver final : public Solver {
     Executor choose(const Counts& n) const {
         if (forced_ != Executor::automatic)
             return forced_;
-        const u32 all = n.bodies + n.contacts + n.joints + n.rows;
+        const u32 all = n.bodies + n.elements();
         if ((component_ > 0 ? component_ : all) <= kMostForBlock)
             return Executor::block;
         return all <= kMostForGrid ? Executor::grid : Executor::graph;
     }
-    u32 tiles_at_most(const Counts& n) const { return (n.bodies + n.contacts + n.joints + n.rows) / kTileQuota + 2; }
     u32 rows_expected(const Counts& n) const { return largest_.rows > 0 ? largest_.rows : std::min(n.bodies + 1, kTileQuota); }
     u32 lanes_expected(u32 elements) const { return largest_.rows > 0 ? largest_.lanes : std::min(elements, 2 * kTileQuota); }
 
@@ -341,6 +349,7 @@ class CudaSolver final : public Solver {
     DeviceTables tables_;
     DeviceResults results_;
     DeviceCache cache_, next_cache_;
+    Buffer<OnDevice> split_, next_split_;
     GraphExecutor graph_;
     Solve solve_{};
     Clock::time_point start_;

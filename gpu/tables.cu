@@ -26,8 +26,7 @@ void DeviceTable::send(const Part* parts, std::size_t part_count, std::size_t co
         if (sent)
             size += padded(count * parts[p].components * size_of(from.type));
     }
-    const bool known =
-        revision != 0 && revision == revision_ && shape == shape_ && size <= buffer_.capacity(); // ... but sizes must agree, too
+    const bool known = revision != 0 && revision == revision_ && shape == shape_ && size == size_; // ... but sizes must agree, too
     revision_ = 0;
     if (!known) {
         buffer_.reserve(size);
@@ -56,6 +55,7 @@ void DeviceTable::send(const Part* parts, std::size_t part_count, std::size_t co
         check(cudaMemcpyAsync(buffer_.data(), staging.data(), size, cudaMemcpyHostToDevice, stream), "sending a table");
     revision_ = revision;
     shape_ = shape;
+    size_ = size;
 }
 
 void DeviceTables::send(const Input& in, Input& to, cudaStream_t stream) {

@@ -23,6 +23,7 @@ class DeviceTable {
     Buffer<OnDevice> buffer_;
     u64 revision_ = 0; // 0: what is there must not be used again
     u64 shape_ = 0;    // a hash of the columns' presence, types and count
+    std::size_t size_ = 0;
 };
 
 class DeviceTables {

@@ -249,7 +249,7 @@ template <class S> struct Frame : Progress {
     const std::uint32_t* island_begin; // [island_count + 1], into the partial sums
     std::uint8_t* island_bounces;
     Control<S>* control;
-    S* trace; // [sweep of the step][island] squared residuals, -1 where an island rested; null: not wanted
+    S* trace; // [sweep of the step][island] squared residuals, not >= 0 where an island rested; null: not wanted
     // the step
     S h, dt;
     bool warm, momentum, manifold_blocks, pyramid;

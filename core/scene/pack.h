@@ -288,8 +288,8 @@ CAIRN_HD void pack_joint(const BodyColumns& bodies, const JointColumns& in, std:
             *field_at(cold, kRate + axis) = static_cast<S>(clamp(rate, 1 / kHuge, kHuge));
         }
         if (flags & 8u) {
-            *field_at(cold, kSpeed + axis) = static_cast<S>(in.damping.present() ? in.damping.real(i, axis) : 0);
-            *field_at(cold, kForce + axis) = static_cast<S>(in.stiffness.real(i, axis));
+            *field_at(cold, kSpeed + axis) = static_cast<S>(in.damping.present() ? minimum(in.damping.real(i, axis), kHuge) : 0);
+            *field_at(cold, kForce + axis) = static_cast<S>(minimum(in.stiffness.real(i, axis), kHuge));
             *field_at(cold, kRate + axis) = S(-1);
         }
     }

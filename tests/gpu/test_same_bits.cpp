@@ -123,5 +123,31 @@ TEST_F(Gpu, RunningOutOfMemorySaysHowMuchAndLeavesTheSolverUsable) {
     EXPECT_EQ(scene.hash(), reference.hash());
 }
 
+// What a solver tells of its last step is not touched by one that fails: while it runs, or for want of memory.
+TEST_F(Gpu, AStepThatFailsLeavesTheLastOne) {
+    for (const bool memory : {false, true}) {
+        const Solver failing(config_of(CAIRN_BACKEND_CUDA)), spared(config_of(CAIRN_BACKEND_CUDA));
+        Heaps scene(30, 3);
+        Heaps same = scene;
+        scene.step(failing);
+        same.step(spared);
+
+        Heaps other(memory ? 3000 : 60, 3);
+        other.bodies[5].linear[0] = 1e300; // finite, but beyond what a step can work with
+        Impulses out;
+        if (memory) {
+            const NoDeviceMemory none;
+            EXPECT_EQ(other.try_step(failing, out), CAIRN_ERROR_OUT_OF_MEMORY);
+        } else
+            EXPECT_EQ(other.try_step(failing, out), CAIRN_ERROR_NOT_FINITE);
+        EXPECT_EQ(failing.split_counts(), spared.split_counts());
+        EXPECT_EQ(failing.save_cache(), spared.save_cache());
+        EXPECT_EQ(failing.statistics().contacts, spared.statistics().contacts);
+        scene.step(failing);
+        same.step(spared);
+        EXPECT_EQ(scene.hash(), same.hash());
+    }
+}
+
 } // namespace
 } // namespace cairn_test

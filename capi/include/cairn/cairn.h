@@ -307,7 +307,8 @@ typedef struct cairn_params {
 /* ---- Solver ------------------------------------------------------------------------------------------------------ */
 typedef struct cairn_solver cairn_solver;
 
-#define CAIRN_BACKEND_AUTO 0u /* the CPU, unless the environment variable CAIRN_BACKEND says "cuda" and precision is 32 */
+#define CAIRN_BACKEND_AUTO 0u /* the CPU, unless the environment variable CAIRN_BACKEND says "cuda", precision is 32 and instructions
+                                 are CAIRN_ISA_AUTO */
 #define CAIRN_BACKEND_CPU 1u
 #define CAIRN_BACKEND_CUDA 2u /* on the CUDA device that is current in the thread that creates the solver */
 
@@ -419,8 +420,8 @@ CAIRN_API cairn_status cairn_solver_get_params(const cairn_solver *solver, cairn
 /* One step of the simulation: forces, constraints, poses. results may be NULL: then nothing is written. */
 CAIRN_API cairn_status cairn_solver_step(cairn_solver *solver, const cairn_step *step, const cairn_results *results);
 
-/* The same step in two calls, so that the caller can work while a device does: step_async checks what is in host memory, sends it and
- * queues the rest; wait waits for it and returns what cairn_solver_step would have. In between the memory of all views is borrowed
+/* The same step in two calls, so that the caller can work while a device does: step_async checks tables that are in host memory alone,
+ * sends and queues the rest; wait waits for it and returns what cairn_solver_step would have. In between the memory of all views is borrowed
  * (the structs are not), host results are not there yet, and every other call on the solver but destroy is refused. If step_async fails,
  * no step is in flight. wait returns CAIRN_OK if none is. On the CPU step_async does it all.
  * Results in device memory are there in the order of the solver's stream, even before wait; but only wait tells whether an element in
