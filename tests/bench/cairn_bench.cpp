@@ -227,9 +227,7 @@ class Table final : public benchmark::BenchmarkReporter {
 };
 
 void printHeader(const std::string& cores, const char* build) {
-    StockSolver stock;
-    std::printf("%s, %s; %s; Bullet %d.%02d, %s rows\n", processor().c_str(), cores.c_str(), build, BT_BULLET_VERSION / 100,
-                BT_BULLET_VERSION % 100, stock.arithmetic());
+    std::printf("%s, %s; %s; Bullet %s\n", processor().c_str(), cores.c_str(), build, bulletDescription().c_str());
     std::printf("stack-1m behind Bullet: 125 boxes, dt 16 ms, %d iterations a step, one thread unless it says all; settled %d steps, then\n"
                 "medians of %d repetitions of %d steps, stock Bullet stepping in turn with each.\n",
                 kIterations, kSettlingSteps, kRepetitions, kSteps);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <ctime>
+#include <string>
 
 namespace cairn_bench {
 
@@ -74,5 +75,13 @@ class StockSolver : public Timed<btSequentialImpulseConstraintSolver> {
         return result;
     }
 };
+
+// "3.24, scalar rows, floats"
+inline std::string bulletDescription() {
+    const int minor = BT_BULLET_VERSION % 100;
+    StockSolver stock;
+    return std::to_string(BT_BULLET_VERSION / 100) + (minor < 10 ? ".0" : ".") + std::to_string(minor) + ", " + stock.arithmetic() +
+           " rows, " + (sizeof(btScalar) == sizeof(float) ? "floats" : "doubles");
+}
 
 } // namespace cairn_bench

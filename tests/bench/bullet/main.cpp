@@ -1,6 +1,7 @@
 // What a step costs behind Bullet, whole and in parts, beside Bullet's own solver; and how good it is in the same time: see --help.
 #include "../json.h"
 #include "../machine.h"
+#include "../program.h"
 #include "../progress.h"
 #include "measure.h"
 
@@ -25,12 +26,10 @@ void describe(Report& report, const Options& options) {
     info.struct_size = sizeof info;
     if (cairn_get_info(&info) != CAIRN_OK)
         throw std::runtime_error(cairn_last_error());
-    StockSolver stock;
     report.cpu = processor();
     report.cores = std::thread::hardware_concurrency();
     report.build = info.build;
-    report.bullet = std::to_string(BT_BULLET_VERSION / 100) + "." + std::to_string(BT_BULLET_VERSION % 100) + ", " + stock.arithmetic() +
-                    " rows, " + (sizeof(btScalar) == sizeof(float) ? "floats" : "doubles") + ", one thread";
+    report.bullet = bulletDescription() + ", one thread";
     report.when = now();
     report.command = "cairn_bullet_bench" + options.command;
 }
@@ -115,20 +114,9 @@ std::string markdown(const Report& report) {
 }
 
 // By way of a second file, so that what is there is never half of it.
-void save(const std::string& text, const std::string& path) {
-    if (path.empty())
-        return;
-    const std::string half = path + ".part";
-    std::ofstream file(half, std::ios::binary);
-    file << text;
-    file.close();
-    if (!file || std::rename(half.c_str(), path.c_str()) != 0)
-        throw std::runtime_error(path + " could not be written");
-}
-
 void save(const Report& report, const Options& options) {
-    save(json(report), options.json);
-    save(markdown(report), options.markdown);
+    cairn_bench::save(json(report), options.json);
+    cairn_bench::save(markdown(report), options.markdown);
 }
 
 void printHead(const Report& report, const Options& options) {

@@ -1,5 +1,7 @@
 #include "measure.h"
 
+#include "../program.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -8,13 +10,6 @@ namespace {
 
 constexpr int kStockIterations = 10; // Bullet's default
 constexpr int kWarmUps = 5;
-
-double median(const std::vector<double>& unsorted) {
-    std::vector<double> values = unsorted;
-    std::sort(values.begin(), values.end());
-    const std::size_t middle = values.size() / 2;
-    return values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
-}
 
 double least(const std::vector<double>& values) { return *std::min_element(values.begin(), values.end()); }
 

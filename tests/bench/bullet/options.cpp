@@ -1,7 +1,6 @@
 #include "options.h"
 
-#include <charconv>
-#include <stdexcept>
+#include "../program.h"
 
 namespace cairn_bench::bullet {
 
@@ -33,24 +32,6 @@ Exit status: 0, 1 if a solver failed or Cairn's bits depend on the number of thr
 
 namespace {
 
-template <class T> T number(const std::string& option, const std::string& text, T least) {
-    T value{};
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc() || end != text.data() + text.size() || value < least)
-        throw std::invalid_argument(option + " takes a number, at least " + std::to_string(least) + ", not \"" + text + "\"");
-    return value;
-}
-
-std::vector<std::string> parts(const std::string& list) {
-    std::vector<std::string> found;
-    for (std::size_t begin = 0; begin <= list.size();) {
-        const std::size_t end = std::min(list.find(',', begin), list.size());
-        found.push_back(list.substr(begin, end - begin));
-        begin = end + 1;
-    }
-    return found;
-}
-
 template <class T> std::vector<T> numbers(const std::string& option, const std::string& list) {
     std::vector<T> found;
     for (const std::string& part : parts(list))
@@ -70,9 +51,8 @@ std::vector<std::string> scenesOf(const std::string& list) {
 
 Options parsed(const std::vector<std::string>& arguments) {
     Options options;
-    for (std::size_t i = 0; i < arguments.size(); ++i) {
-        const std::string& option = arguments[i];
-        options.command += " " + option;
+    options.command = joined(arguments);
+    for (const auto& [option, text] : pairsOf(arguments, {"--help", "-h", "--quick", "--quality"})) {
         if (option == "--help" || option == "-h") {
             options.help = true;
             return options;
@@ -81,10 +61,6 @@ Options parsed(const std::vector<std::string>& arguments) {
             (option == "--quick" ? options.quick : options.quality) = true;
             continue;
         }
-        const bool last = i + 1 == arguments.size();
-        const std::string text = last ? "" : arguments[++i];
-        if (!last)
-            options.command += " " + text;
         if (option == "--scenes")
             options.scenes = scenesOf(text);
         else if (option == "--sizes")

@@ -1,6 +1,7 @@
 #include "gpu_bench.h"
 
 #include "../machine.h"
+#include "../program.h"
 #include "../progress.h"
 
 #include <algorithm>
@@ -33,27 +34,13 @@ void describe(Report& report, const Options& options, Machine& machine) {
 }
 
 // By way of a second file, so that what is there is never half of it.
-bool save(const Report& report, const std::string& path) {
-    if (path.empty())
-        return true;
-    const std::string half = path + ".part";
-    std::ofstream file(half, std::ios::binary);
-    file << json(report);
-    file.close();
-    if (file && std::rename(half.c_str(), path.c_str()) == 0)
-        return true;
-    std::fprintf(stderr, "cairn_gpu_bench: %s could not be written\n", path.c_str());
-    return false;
-}
-
 } // namespace
 
 int run(const Options& options, std::FILE* table, Report& report) {
     const auto start = std::chrono::steady_clock::now();
     Machine machine;
     describe(report, options, machine);
-    if (!save(report, options.json))
-        return 1;
+    save(json(report), options.json);
     printHeader(report, table);
     const std::vector<Case> cases = casesOf(options);
     const Progress progress(cases.size());
@@ -71,8 +58,7 @@ int run(const Options& options, std::FILE* table, Report& report) {
         report.complete = i + 1 == cases.size();
         progress.clear();
         printRows(report, report.measured.back(), i == 0, table);
-        if (!save(report, options.json))
-            return 1;
+        save(json(report), options.json);
     }
     printCrossings(report, table);
     return failed ? 1 : 0;

@@ -1,5 +1,7 @@
 #include "measure.h"
 
+#include "../program.h"
+
 #include "traffic.h"
 
 #include <algorithm>
@@ -120,11 +122,9 @@ std::string whyNot(const Cell& cell, const Case& what, const Options& options, c
 
 } // namespace
 
-Spread spreadOf(std::vector<double> values) {
-    std::sort(values.begin(), values.end());
-    const std::size_t middle = values.size() / 2;
-    const double median = values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
-    return {median, values.front(), values.back()};
+Spread spreadOf(const std::vector<double>& values) {
+    const auto [least, most] = std::minmax_element(values.begin(), values.end());
+    return {median(values), *least, *most};
 }
 
 std::vector<Case> casesOf(const Options& options) {

@@ -57,6 +57,6 @@ Measured measure(const Case& what, const Options& options, const Machine& machin
 // One that time did not suffice for.
 Measured leftOut(const Case& what, const Options& options, const std::string& why);
 
-Spread spreadOf(std::vector<double> values);
+Spread spreadOf(const std::vector<double>& values);
 
 } // namespace cairn_bench

@@ -1,7 +1,8 @@
 #include "options.h"
 
+#include "../program.h"
+
 #include <algorithm>
-#include <charconv>
 #include <stdexcept>
 
 namespace cairn_bench {
@@ -36,14 +37,6 @@ Exit status: 0, 1 if a solver failed or GPU and CPU gave different bits, 2 if th
 
 namespace {
 
-template <class T> T number(const std::string& option, const std::string& text, T least) {
-    T value{};
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc() || end != text.data() + text.size() || !(value >= least))
-        throw std::invalid_argument(option + " takes a number, at least " + std::to_string(least) + ", not \"" + text + "\"");
-    return value;
-}
-
 std::vector<std::uint32_t> executorsOf(const std::string& name) {
     const std::vector<std::string> names = {"auto", "block", "grid", "graph"};
     if (name == "all")
@@ -56,14 +49,10 @@ std::vector<std::uint32_t> executorsOf(const std::string& name) {
 
 std::vector<std::string> groupsOf(const std::string& list) {
     const std::vector<std::string> all = Options().only;
-    std::vector<std::string> groups;
-    for (std::size_t begin = 0; begin <= list.size();) {
-        const std::size_t end = std::min(list.find(',', begin), list.size());
-        groups.push_back(list.substr(begin, end - begin));
-        if (std::find(all.begin(), all.end(), groups.back()) == all.end())
-            throw std::invalid_argument("--only takes some of scenes,stack,pile,worlds, not \"" + groups.back() + "\"");
-        begin = end + 1;
-    }
+    const std::vector<std::string> groups = parts(list);
+    for (const std::string& group : groups)
+        if (std::find(all.begin(), all.end(), group) == all.end())
+            throw std::invalid_argument("--only takes some of scenes,stack,pile,worlds, not \"" + group + "\"");
     return groups;
 }
 
@@ -78,21 +67,13 @@ Options parsed(const std::vector<std::string>& arguments) {
         options.mostCpu = 100000;
         options.seconds = 110;
     }
-    for (std::size_t i = 0; i < arguments.size(); ++i) {
-        options.command += " " + arguments[i];
-        std::string option = arguments[i], text;
+    options.command = joined(arguments);
+    for (const auto& [option, text] : pairsOf(arguments, {"--help", "-h", "--quick"})) {
         if (option == "--quick")
             continue;
         if (option == "--help" || option == "-h") {
             options.help = true;
             continue;
-        }
-        if (const std::size_t equals = option.find('='); option.rfind("--", 0) == 0 && equals != std::string::npos) {
-            text = option.substr(equals + 1);
-            option.resize(equals);
-        } else if (i + 1 < arguments.size()) {
-            text = arguments[++i];
-            options.command += " " + text;
         }
         if (option == "--json" && !text.empty())
             options.json = text;

@@ -114,11 +114,7 @@ class StockSubject final : public Subject {
 
 } // namespace
 
-std::string bulletVersion() {
-    StockSolver stock;
-    return std::to_string(BT_BULLET_VERSION / 100) + "." + std::to_string(BT_BULLET_VERSION % 100) + ", " + stock.arithmetic() + " rows, " +
-           (sizeof(btScalar) == sizeof(float) ? "floats" : "doubles");
-}
+std::string bulletVersion() { return bulletDescription(); }
 
 std::unique_ptr<Subject> stockSubject(const World& world, int iterations) { return std::make_unique<StockSubject>(world, iterations); }
 
