@@ -274,6 +274,9 @@ def judge(status: int | None, output: str, limit: float) -> str:
     skipped = re.search(r"^\[  SKIPPED \] (\d+) tests?", output, re.M)
     if skipped:
         return f"{skipped[1]} tests were skipped"
+    skipped = re.search(r"^(?:=+ )?\d+ passed.*?\b(\d+) skipped\b", output, re.M)  # pytest's
+    if skipped:
+        return f"{skipped[1]} tests were skipped"
     if "] Running 0 tests" in output:
         return "no test was run"
     found = re.findall(r"^=+ \w+ SUMMARY: (\d+) ", output, re.M)  # compute-sanitizer's: errors or hazards

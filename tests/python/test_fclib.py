@@ -94,7 +94,22 @@ def test_sweeps_go_to_the_reference(tmp_path: Path, method: str) -> None:
     first, second = sweeps.reach([1e-2, 1e-4])
     assert sweeps.residual(first.iterations) <= 1e-2 < sweeps.residual(max(1, first.iterations * 7 // 8))
     assert second.iterations > first.iterations
-    assert next(sweeps.reach([1e-13], most=4)).iterations is None
+
+
+def test_no_more_sweeps_than_allowed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_tower(tmp_path / "tower.hdf5")
+    sweeps = fclib.Sweeps(fclib.read(tmp_path / "tower.hdf5"), "pj")
+    tried: list[int] = []
+
+    def residual(iterations: int) -> float:
+        tried.append(iterations)
+        return 1 / iterations
+
+    monkeypatch.setattr(sweeps, "residual", residual)
+    monkeypatch.setattr(sweeps, "seconds", lambda iterations: 0.0)
+    reached = list(sweeps.reach([0.5, 0.11, 0.1, 1e-3], most=10))
+    assert [one.iterations for one in reached] == [2, 10, 10, None]
+    assert max(tried) == 10
 
 
 def test_refusals(tmp_path: Path) -> None:

@@ -277,6 +277,16 @@ def test_every_scene_runs_in_another_process() -> None:
     assert all(r.recording is not None and r.recording.scene.name == r.request.scene for r in results)
 
 
+def test_one_run_serves_all_who_ask_for_it_in_other_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    same = replace(TASK, request=replace(TASK.request, dt=0.016, changes=(("speed", 5.0),)))
+    other = replace(TASK, request=replace(TASK.request, iterations=11))
+    found = report.run([TASK, same, other], tmp_path, jobs=1)
+    assert "2 runs" in capsys.readouterr().out
+    assert len(list(tmp_path.iterdir())) == 2
+    assert [found[task].result.request for task in (TASK, same, other)] == [TASK.request, same.request, other.request]
+    assert found[TASK].result.summary == found[same].result.summary
+
+
 SCRIPT = """
 import sys
 from dataclasses import replace

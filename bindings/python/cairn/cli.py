@@ -424,7 +424,7 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("--quick", action="store_true", help="few frames and small sizes: minutes")
     study.add_argument("--jobs", type=_positive, metavar="N", help="runs at a time, each on its own core (all cores)")
     study.add_argument("--scenes", metavar="A,B", help="only these (all)")
-    study.add_argument("--frames", type=_positive, metavar="N", help="of every run but the maps' (--quick: 120)")
+    study.add_argument("--frames", type=_positive, metavar="N", help="of every run but the maps' (the scene's, or few)")
     study.add_argument(
         "--resume",
         action=argparse.BooleanOptionalAction,

@@ -232,14 +232,14 @@ class Sweeps:
 
     def reach(self, tolerances: Sequence[float], most: int = 1 << 16) -> Iterator[Reached]:
         """For each tolerance, large to small, the least number of sweeps, to 1/16, by doubling and bisection."""
-        high = 1
+        high, failed = 1, 0
         for tolerance in tolerances:
-            while high < most and self.residual(high) > tolerance:
-                high *= 2
+            while self.residual(high) > tolerance and high < most:
+                high, failed = min(2 * high, most), high
             if self.residual(high) > tolerance:
                 yield Reached(tolerance, None, None)
                 continue
-            low, end = high // 2, high
+            low, end = failed, high
             while end - low > max(1, low // 16):
                 middle = (low + end) // 2
                 low, end = (low, middle) if self.residual(middle) <= tolerance else (middle, end)
@@ -249,7 +249,7 @@ class Sweeps:
 def compare(problem: Problem, tolerances: Sequence[float], most: int, precision: int = 32) -> dict[str, Any]:
     """The reference's residual and time, and how far every method in every preset gets; plain values, for JSON."""
     start = time.perf_counter()
-    solution = reference.solve(problem.W, problem.q, problem.mu)
+    solution = problem.solution
     seconds = time.perf_counter() - start
     sweeps = []
     if problem.bodies is not None:

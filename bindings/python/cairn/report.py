@@ -40,27 +40,29 @@ def run(tasks: Sequence[Task], cache: Path, jobs: int, resume: bool = True) -> d
 
     Each is kept as soon as it is done; resume false runs all of them anew. Raises KeyboardInterrupt as the user does.
     """
-    wanted = list(dict.fromkeys(tasks))
+    alike: dict[Path, list[Task]] = {}  # two charts may ask for one run in different words
+    for task in dict.fromkeys(tasks):
+        alike.setdefault(report_cache.path_of(cache, task), []).append(task)
+    wanted = [same[0] for same in alike.values()]
     found: dict[Task, Entry] = {}
     if resume:
         kept = ((task, report_cache.load(cache, task)) for task in wanted)
         found = {task: entry for task, entry in kept if entry is not None}
     left = [task for task in wanted if task not in found]
     print(f"{len(wanted)} runs, {len(found)} of them kept from before", flush=True)
-    if not left:
-        return found
     lock = threading.Lock()
-    with workers.Pool(jobs) as pool:
-        conditions = demo.conditions_text(jobs, pool.pinned)
+    if left:
+        with workers.Pool(jobs) as pool:
+            conditions = demo.conditions_text(jobs, pool.pinned)
 
-        def done(task: Task, result: Result) -> None:
-            judged = report_cache.entry(task, result, conditions)
-            report_cache.save(cache, judged)
-            with lock:
-                found[task] = judged
+            def done(task: Task, result: Result) -> None:
+                judged = report_cache.entry(task, result, conditions)
+                report_cache.save(cache, judged)
+                with lock:
+                    found[task] = judged
 
-        demo.run_with_bar(pool, left, {task.request: _cost(task.request) for task in left}, "running", done)
-    return found
+            demo.run_with_bar(pool, left, {task.request: _cost(task.request) for task in left}, "running", done)
+    return {task: found[same[0]].of(task) for same in alike.values() for task in same if same[0] in found}
 
 
 def _cost(request: Request) -> float:

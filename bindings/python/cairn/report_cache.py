@@ -8,7 +8,7 @@ import math
 import os
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,10 @@ class Entry:
     @property
     def scene(self) -> Scene:
         return scene_of(self.task)
+
+    def of(self, task: Task) -> Entry:
+        """The same run as another task's, which asks for it in other words."""
+        return replace(self, task=task, result=replace(self.result, request=task.request))
 
 
 def scene_of(task: Task) -> Scene:
@@ -69,7 +73,7 @@ def key(task: Task) -> dict[str, Any]:
     }
 
 
-def _path(folder: Path, task: Task) -> Path:
+def path_of(folder: Path, task: Task) -> Path:
     digest = hashlib.sha256(json.dumps(key(task), sort_keys=True).encode()).hexdigest()
     return folder / f"{task.request.scene}-{task.request.method}-{digest[:20]}.json"
 
@@ -103,13 +107,13 @@ def save(folder: Path, kept: Entry) -> None:
         "outcome": asdict(kept.outcome),
         "conditions": kept.conditions,
     }
-    write(_path(folder, kept.task), (json.dumps(content, indent=1) + "\n").encode())
+    write(path_of(folder, kept.task), (json.dumps(content, indent=1) + "\n").encode())
 
 
 def load(folder: Path, task: Task) -> Entry | None:
     """What is kept of a task; None if it was not run, or its file cannot be read."""
     try:
-        content = json.loads(_path(folder, task).read_text(encoding="utf-8"))
+        content = json.loads(path_of(folder, task).read_text(encoding="utf-8"))
         outcome = Outcome(**content["outcome"])
         summary, error, seconds = content["summary"], str(content["error"]), float(content["seconds"])
         conditions = str(content["conditions"])

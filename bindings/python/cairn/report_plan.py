@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from . import report_outcome, scenes
 from .charts.atlas import Cell, Map
-from .charts.result import METHODS, NAMES, PRESETS, Request
+from .charts.result import METHODS, NAMES, PRESETS, Request, family_name
 from .metrics import SETTLED_FRAME
 from .report_cache import Entry
 from .workers import Task
@@ -222,7 +222,7 @@ def overlap(plan: Plan) -> MapPlan:
     solvers = [(method, preset) for method in METHODS for preset in PRESETS]
     solvers += [(method, "") for method in ("stock", "stock-substeps", "nncg", "dantzig")]
     solvers.reverse()  # rows count upwards
-    rows = [NAMES[method] + (f", {preset}" if preset else "") for method, preset in solvers]
+    rows = [family_name(method, preset) for method, preset in solvers]
 
     def task(method: str, preset: str, depth: float) -> Task:
         parts = DEFAULT_SUBSTEPS.get(method, 1)

@@ -221,12 +221,12 @@ void Contacts::attach(const Object* object, const Surface& surface) {
         throw std::invalid_argument("cairn::fcl: an object to attach is NULL, or has no geometry");
     if (object->getObjectType() != ::fcl::OT_GEOM && object->getObjectType() != ::fcl::OT_BVH)
         throw std::invalid_argument("cairn::fcl: an object's geometry is neither a shape nor a BVHModel");
-    const double infinity = std::numeric_limits<double>::infinity();
+    const double largest = std::numeric_limits<double>::max();
     check(surface.body, CAIRN_WORLD, std::numeric_limits<int32_t>::max(), "body");
-    check(surface.friction, 0, std::numeric_limits<double>::max(), "friction");
+    check(surface.friction, 0, largest, "friction");
     check(surface.restitution, 0, 1, "restitution");
     for (int i = 0; i < 3; ++i)
-        check(surface.centerOfMass[i], -infinity, infinity, "centerOfMass");
+        check(surface.centerOfMass[i], -largest, largest, "centerOfMass");
     Implementation& m = *m_implementation;
     const auto known = m.attached.find(object);
     if (known != m.attached.end())

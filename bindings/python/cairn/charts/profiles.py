@@ -12,8 +12,7 @@ from typing import Any
 
 from . import style
 from .drawn import Drawn, drawn
-from .result import NAMES, Comparison
-from .work_precision import family
+from .result import Comparison, family_name
 
 Costs = Mapping[str, Sequence[float]]  # solver: its least time in each problem, infinite where it has none
 
@@ -50,7 +49,7 @@ def costs(comparisons: Sequence[Comparison], scales: Mapping[str, float], tolera
     found: dict[str, list[float]] = {}
     for place, comparison in enumerate(comparisons):
         for result in comparison.results:
-            times = found.setdefault(family(result.request), [math.inf] * len(comparisons))
+            times = found.setdefault(result.request.family, [math.inf] * len(comparisons))
             error, milliseconds = result.number("error"), result.number("solver_ms_median")
             if not result.failed and error <= tolerance * scales[comparison.scene] and milliseconds > 0:
                 times[place] = min(times[place], milliseconds)
@@ -75,7 +74,7 @@ def profiles(
             last = max((tau for curve in steps.values() for tau, _ in curve), default=1.0)
             end = max(10.0, last * 1.5)
             for method, preset in names:
-                name = NAMES[method] + (f", {preset}" if preset else "")
+                name = family_name(method, preset)
                 curve = steps.get(name, [])
                 if not curve:
                     continue
@@ -97,7 +96,7 @@ def profiles(
             for handle, label in zip(*panel.get_legend_handles_labels()):
                 handles.setdefault(label, handle)
         if handles:
-            order = [NAMES[m] + (f", {p}" if p else "") for m, p in names]
+            order = [family_name(m, p) for m, p in names]
             shown = [name for name in order if name in handles]
             drawing.legend(handles=[handles[n] for n in shown], labels=shown, loc="outside upper left",
                            ncols=5, fontsize=8.5)  # fmt: skip

@@ -29,6 +29,11 @@ NAMES = {
 }
 
 
+def family_name(method: str, preset: str | None) -> str:
+    """ "TJSoft, default"; "stock PGS"."""
+    return NAMES[method] + (f", {preset}" if preset else "")
+
+
 @dataclass(frozen=True)
 class Request:
     """What to run. iterations are those of a step in all, shared out over its substeps."""
@@ -49,6 +54,11 @@ class Request:
         if self.substeps > 1:
             return f"{self.substeps}×{self.iterations // self.substeps}"
         return str(self.iterations)
+
+    @property
+    def family(self) -> str:
+        """Method and preset: the runs of a curve."""
+        return family_name(self.method, self.preset)
 
     @property
     def label(self) -> str:

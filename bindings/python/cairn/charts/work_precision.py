@@ -14,14 +14,9 @@ from ..bullet import STOCK_METHODS
 from . import style
 from .drawn import Drawn, drawn
 from .error_time import FLOOR, Point, line_at, pareto, points, top_of
-from .result import NAMES, Comparison, Measured, Request, Result
+from .result import NAMES, Comparison, Measured, Request, Result, family_name
 
 HEADING = ("scene", "method", "preset", "iterations", "substeps", "solver_ms", "error", "unit", "failed", "pareto")
-
-
-def family(request: Request) -> str:
-    """ "TJSoft, default"; "stock PGS"."""
-    return NAMES[request.method] + (f", {request.preset}" if request.preset else "")
 
 
 def beats(one: Point, other: Point) -> bool:
@@ -41,8 +36,8 @@ def standing(found: Sequence[Point]) -> list[str]:
     ours: dict[str, list[Point]] = {}
     for point in found:
         if point.result.request.method not in STOCK_METHODS:
-            ours.setdefault(family(point.result.request), []).append(point)
-    on_front = dict.fromkeys(family(p.result.request) for p in front)
+            ours.setdefault(point.result.request.family, []).append(point)
+    on_front = dict.fromkeys(p.result.request.family for p in front)
     sentences = ["On the Pareto front: " + ("; ".join(on_front) if on_front else "none, for no run stands") + "."]
     failed = [name for name, group in ours.items() if all(p.error is None for p in group)]
     losing = [
@@ -170,7 +165,7 @@ def _legend(panel: Axes, found: Sequence[Point]) -> None:
     for method, preset in sorted(names, key=lambda name: (list(NAMES).index(name[0]), name[1] or "")):
         colour = style.COLOURS[method]
         face = style.PAPER if preset == "paper" else colour
-        label = NAMES[method] + (f", {preset}" if preset else "")
+        label = family_name(method, preset)
         handles += panel.plot([], [], style.MARKERS[method], color=colour, mfc=face, mec=colour, mew=1.4, label=label)
     if handles:
         panel.legend(handles=handles, loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=8.5)
