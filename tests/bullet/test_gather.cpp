@@ -48,6 +48,8 @@ struct Crowd {
             box.setCollisionFlags(box.getCollisionFlags() | btCollisionObject::CF_NO_CONTACT_RESPONSE);
         else if (kind == 6)
             box.setRestitution(btScalar(0.5));
+        else if (kind == 7)
+            box.setCollisionFlags(box.getCollisionFlags() | btCollisionObject::CF_CUSTOM_MATERIAL_CALLBACK);
     }
 
     // Poses, velocities, and what the application may read of the points.
@@ -74,7 +76,20 @@ struct Crowd {
     TestWorld world;
 };
 
-TEST(Gather, SameBitsForAnyNumberOfThreads) {
+bool makeBelt(btManifoldPoint& point, const btCollisionObjectWrapper*, int, int, const btCollisionObjectWrapper*, int, int) {
+    btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
+    point.m_contactPointFlags |= BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED;
+    point.m_contactMotion1 = btScalar(0.3);
+    return true;
+}
+
+class Gather : public testing::Test {
+  protected:
+    void SetUp() override { gContactAddedCallback = makeBelt; }
+    void TearDown() override { gContactAddedCallback = nullptr; }
+};
+
+TEST_F(Gather, SameBitsForAnyNumberOfThreads) {
     for (const Landing landing : {Landing::preImage, Landing::action}) {
         Crowd one(1, landing), two(2, landing), three(3, landing);
         for (int step = 0; step < 12; ++step) {
@@ -96,15 +111,17 @@ TEST(Gather, SameBitsForAnyNumberOfThreads) {
 }
 
 // A point beyond the processing threshold leaves no gap, and moves no other's impulse.
-TEST(Gather, PointsThatTakeNoPartAreLeftOut) {
+TEST_F(Gather, PointsThatTakeNoPartAreLeftOut) {
     TestWorld world;
     world.floor();
     btRigidBody& left = world.box(1, btVector3(-2, btScalar(0.499), 0));
+    btRigidBody& soft = world.box(2, btVector3(0, btScalar(0.499), 0));
     btRigidBody& right = world.box(2, btVector3(2, btScalar(0.499), 0));
     left.setContactProcessingThreshold(btScalar(-1)); // deeper than it can be
+    soft.setContactStiffnessAndDamping(100, 1);       // 1 mm of four such springs carry 2 % of its weight
     world.step();
-    EXPECT_EQ(world.cairn->statistics().contacts, 4u);
-    btScalar held = 0;
+    EXPECT_EQ(world.cairn->statistics().contacts, 8u);
+    btScalar held = 0, yielding = 0;
     for (int i = 0; i < world.dispatcher.getNumManifolds(); ++i) {
         const btPersistentManifold& manifold = *world.dispatcher.getManifoldByIndexInternal(i);
         const bool ofLeft = manifold.getBody0() == &left || manifold.getBody1() == &left;
@@ -113,11 +130,13 @@ TEST(Gather, PointsThatTakeNoPartAreLeftOut) {
             if (ofLeft)
                 EXPECT_EQ(impulse, btScalar(0));
             else
-                held += impulse;
+                (manifold.getBody0() == &soft || manifold.getBody1() == &soft ? yielding : held) += impulse;
         }
     }
     EXPECT_GE(held, 2 * btScalar(9.81) * kDt * btScalar(0.99)) << right.getLinearVelocity().y();
     EXPECT_LT(left.getLinearVelocity().y(), btScalar(-0.1));
+    EXPECT_GT(yielding, btScalar(0));
+    EXPECT_LT(yielding, btScalar(0.3) * held) << "the springs are another contact's";
 }
 
 } // namespace

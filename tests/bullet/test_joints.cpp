@@ -263,7 +263,6 @@ template <class SixDof> void turnIntoACorner(const char* name) {
 TEST(Joints, SixDofAnglesStopAsBehindStock) { turnIntoACorner<btGeneric6DofConstraint>("6-dof"); }
 TEST(Joints, SixDofSpring2AnglesStopAsBehindStock) { turnIntoACorner<btGeneric6DofSpring2Constraint>("6-dof spring 2"); }
 
-// A limited axis has two rows, a driven one a third: the springs' and servos' rows must be found behind them.
 TEST(Joints, SpringsMoveAsBehindStock) {
     for (const bool among : {false, true}) {
         expectLikeStock(

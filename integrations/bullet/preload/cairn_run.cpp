@@ -1,10 +1,12 @@
 // cairn-run: runs a program that is linked to a shared Bullet on Cairn, as it is. Looks first whether that can work, then sets
 // the environment and becomes the program.
+#include "bullet_library.h"
 #include "settings.h"
 
 #include <dlfcn.h>
 #include <elf.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <climits>
@@ -104,6 +106,8 @@ std::vector<Library> librariesOf(const std::string& program) {
     if (pipe(ends) != 0)
         refuse("no pipe");
     const pid_t child = fork();
+    if (child < 0)
+        refuse("no process to list the program's libraries");
     if (child == 0) {
         dup2(ends[1], STDOUT_FILENO);
         close(ends[0]);
@@ -119,6 +123,7 @@ std::vector<Library> librariesOf(const std::string& program) {
     for (ssize_t got; (got = ::read(ends[0], buffer, sizeof buffer)) > 0;)
         text.append(buffer, static_cast<std::size_t>(got));
     close(ends[0]);
+    waitpid(child, nullptr, 0); // or the program would find a child that it does not know
     std::vector<Library> libraries;
     std::istringstream lines(text);
     for (std::string line; std::getline(lines, line);) { // "\tlibm.so.6 => /lib/libm.so.6 (0x...)"
@@ -136,20 +141,17 @@ bool holdsBullet(const std::string& path) { return read(path).find("35btSequenti
 void checkBullet(const Library& bullet, const std::string& preload) {
     if (!isFile(bullet.path))
         refuse(bullet.name + ", which the program needs, is not found: " + bullet.path);
-    const std::string name = fileName(realPath(bullet.path)), ending = ".so." CAIRN_BULLET_VERSION;
-    if (name.size() < ending.size() || name.compare(name.size() - ending.size(), ending.size(), ending) != 0)
+    const std::string name = fileName(realPath(bullet.path));
+    if (!isOurVersion(name))
         refuse("the program's Bullet is " + name + ", but Cairn was built for Bullet " CAIRN_BULLET_VERSION);
     void* library = dlopen(bullet.path.c_str(), RTLD_LAZY | RTLD_LOCAL);
     if (library == nullptr)
         refuse(std::string("the program's Bullet does not load: ") + dlerror());
-    const bool isFloat = dlsym(library, "_ZN23btDiscreteDynamicsWorld28internalSingleStepSimulationEf") != nullptr;
-    const bool isDouble = dlsym(library, "_ZN23btDiscreteDynamicsWorld28internalSingleStepSimulationEd") != nullptr;
-    if (isFloat == isDouble)
+    const char* const precision = precisionOf(library);
+    if (precision == nullptr)
         refuse(name + " is neither a Bullet of floats nor one of doubles");
-    const std::string folder = preload.substr(0, preload.rfind('/') + 1);
-    const std::string half = std::string("libcairn_bullet_") + (isFloat ? "float" : "double") + ".so";
-    if (!isFile(folder + "cairn/" + half) && !isFile(folder + half))
-        refuse("the program's Bullet computes in " + std::string(isFloat ? "floats" : "doubles") + ", but Cairn was built without " + half);
+    if (halfPath(preload.substr(0, preload.rfind('/') + 1), precision).empty())
+        refuse("the program's Bullet computes in " + std::string(precision) + "s, but Cairn was built without " + halfName(precision));
 }
 
 void checkProgram(const std::string& program, const std::string& preload, bool late) {

@@ -7,9 +7,9 @@
 //
 // No Bullet header is included: which Bullet, in which precision, is seen at the first call, wherever the program has it from (a
 // plugin that is loaded late, say), and then the half for it is loaded.
-#include "stand_in.h"
-
+#include "bullet_library.h"
 #include "settings.h"
+#include "stand_in.h"
 
 #include <cxxabi.h>
 #include <dlfcn.h>
@@ -38,8 +38,6 @@ using namespace cairn::preload;
 #define CAIRN_DESTROY_COMPLETE "_ZN35btSequentialImpulseConstraintSolverD1Ev"
 #define CAIRN_DESTROY_BASE "_ZN35btSequentialImpulseConstraintSolverD2Ev"
 #define CAIRN_DESTROY_DELETE "_ZN35btSequentialImpulseConstraintSolverD0Ev"
-#define CAIRN_STEP_FLOAT "_ZN23btDiscreteDynamicsWorld28internalSingleStepSimulationEf"
-#define CAIRN_STEP_DOUBLE "_ZN23btDiscreteDynamicsWorld28internalSingleStepSimulationEd"
 
 // A btScalar comes back in the register of a double: a float is its lower half, on x86-64 and AArch64 alike.
 CAIRN_EXPORT double cairn_solve_group(void*, void**, int, void**, int, void**, int, const void*, void*, void*) __asm__(CAIRN_SOLVE_GROUP);
@@ -75,7 +73,6 @@ struct Series { // of one figure a step
 
 struct Bullet { // a Bullet library in this process
     std::string name;
-    const char* precision = "";
     const StandIn* half = nullptr; // NULL: not taken over
     std::string why;
 };
@@ -151,15 +148,11 @@ std::string fileOf(const void* address) {
     return path;
 }
 
-// The half beside this library, or in cairn/ below.
 const StandIn* loadHalf(const std::string& precision, std::string& why) {
-    const std::string self = fileOf(reinterpret_cast<const void*>(&loadHalf));
-    const std::string folder = self.substr(0, self.rfind('/') + 1), name = "libcairn_bullet_" + precision + ".so";
-    std::string path = folder + "cairn/" + name;
-    if (access(path.c_str(), R_OK) != 0)
-        path = folder + name;
-    if (access(path.c_str(), R_OK) != 0) {
-        why = name + " is not there: Cairn was built without Bullet's headers for this precision";
+    const std::string self = fileOf(reinterpret_cast<const void*>(&loadHalf)),
+                      path = halfPath(self.substr(0, self.rfind('/') + 1), precision);
+    if (path.empty()) {
+        why = halfName(precision) + " is not there: Cairn was built without Bullet's headers for this precision";
         return nullptr;
     }
     void* library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
@@ -193,14 +186,12 @@ const Bullet& bulletOf(const void* solveGroup) {
         bullet.why = "it is not a shared library of its own";
         return bullet;
     }
-    const bool isFloat = dlsym(library, CAIRN_STEP_FLOAT) != nullptr, isDouble = dlsym(library, CAIRN_STEP_DOUBLE) != nullptr;
-    if (isFloat == isDouble) {
+    const char* const precision = precisionOf(library);
+    if (precision == nullptr) {
         bullet.why = "cannot tell its precision";
         return bullet;
     }
-    bullet.precision = isFloat ? "float" : "double";
-    const std::string ending = ".so." CAIRN_BULLET_VERSION;
-    if (bullet.name.size() < ending.size() || bullet.name.compare(bullet.name.size() - ending.size(), ending.size(), ending) != 0) {
+    if (!isOurVersion(bullet.name)) {
         bullet.why = "Cairn was built for Bullet " CAIRN_BULLET_VERSION;
         return bullet;
     }
@@ -208,7 +199,7 @@ const Bullet& bulletOf(const void* solveGroup) {
         bullet.why = "its solveGroup() is another library's";
         return bullet;
     }
-    bullet.half = loadHalf(bullet.precision, bullet.why);
+    bullet.half = loadHalf(precision, bullet.why);
     return bullet;
 }
 
@@ -248,50 +239,13 @@ void forget(void* object) {
         gone.bullet->half->destroy(gone.solver);
 }
 
-void endStep(State& s, double seconds);
-
-void count(const Record& record, double seconds) {
-    State& s = state();
-    const std::lock_guard<std::mutex> lock(s.mutex);
-    Record& step = s.step;
-    step.solves += record.solves;
-    step.failures += record.failures;
-    step.bodies += record.bodies;
-    step.contacts += record.contacts;
-    step.joints += record.joints;
-    step.rows += record.rows;
-    if (record.solves > 0) {
-        step.method = record.method;
-        step.iterations = record.iterations;
-        step.substeps = record.substeps;
-    }
-    step.residual = std::max(step.residual, record.residual);
-    step.deepest = std::max(step.deepest, record.deepest);
-    step.widest = std::max(step.widest, record.widest);
-    s.solverSeconds += seconds;
-    s.stepSolverSeconds += seconds;
-    s.solved = true;
-    if (s.stepping == 0) // a world that steps in its own way
-        endStep(s, 0);
-}
-
 // With the mutex held.
 void endStep(State& s, double seconds) {
     if (!s.solved) // a world without such a solver
         return;
     ++s.steps;
     s.stepSeconds += seconds;
-    s.total.solves += s.step.solves;
-    s.total.failures += s.step.failures;
-    s.total.bodies += s.step.bodies;
-    s.total.contacts += s.step.contacts;
-    s.total.joints += s.step.joints;
-    s.total.rows += s.step.rows;
-    if (s.step.solves > 0) {
-        s.total.method = s.step.method;
-        s.total.iterations = s.step.iterations;
-        s.total.substeps = s.step.substeps;
-    }
+    add(s.total, s.step);
     if (s.settings.all) {
         s.residual.add(s.step.residual);
         s.deepest.add(s.step.deepest);
@@ -301,6 +255,17 @@ void endStep(State& s, double seconds) {
     s.step = Record();
     s.stepSolverSeconds = 0;
     s.solved = false;
+}
+
+void count(const Record& record, double seconds) {
+    State& s = state();
+    const std::lock_guard<std::mutex> lock(s.mutex);
+    add(s.step, record);
+    s.solverSeconds += seconds;
+    s.stepSolverSeconds += seconds;
+    s.solved = true;
+    if (s.stepping == 0) // a world that steps in its own way
+        endStep(s, 0);
 }
 
 template <class Scalar> void step(void* world, Scalar dt, const char* name, void (*ours)(void*, Scalar)) {

@@ -19,12 +19,7 @@ namespace {
 
 static_assert(BT_BULLET_VERSION == CAIRN_BULLET_MAJOR * 100 + CAIRN_BULLET_MINOR, "the headers are of the version that CMake found");
 
-struct Solver {
-    explicit Solver(const Settings& settings) : cairn(settings.method, settings.preset, &settings.config) {}
-    bullet::ConstraintSolver cairn;
-};
-
-Solver& of(void* solver) { return *static_cast<Solver*>(solver); }
+bullet::ConstraintSolver& of(void* solver) { return *static_cast<bullet::ConstraintSolver*>(solver); }
 
 void* create(const char** why) {
     static std::string& reason = *new std::string;
@@ -33,24 +28,25 @@ void* create(const char** why) {
         *why = reason.c_str();
         return nullptr;
     }
-    std::unique_ptr<Solver> made(new (std::nothrow) Solver(settings));
-    if (!made || made->cairn.lastStatus() != CAIRN_OK || made->cairn.setParams(settings.params) != CAIRN_OK) {
-        reason = made ? made->cairn.lastError() : "no memory";
+    std::unique_ptr<bullet::ConstraintSolver> made(new (std::nothrow)
+                                                       bullet::ConstraintSolver(settings.method, settings.preset, &settings.config));
+    if (!made || made->lastStatus() != CAIRN_OK || made->setParams(settings.params) != CAIRN_OK) {
+        reason = made ? made->lastError() : "no memory";
         *why = reason.c_str();
         return nullptr;
     }
-    made->cairn.followInfo(!settings.own);
+    made->followInfo(!settings.own);
     return made.release();
 }
 
-void destroy(void* solver) { delete static_cast<Solver*>(solver); }
+void destroy(void* solver) { delete &of(solver); }
 
-void note(const Solver& solver, Record& record) {
-    if (solver.cairn.lastStatus() != CAIRN_OK) {
+void note(const bullet::ConstraintSolver& solver, Record& record) {
+    if (solver.lastStatus() != CAIRN_OK) {
         ++record.failures;
         return;
     }
-    const cairn_statistics s = solver.cairn.statistics();
+    const cairn_statistics s = solver.statistics();
     ++record.solves;
     record.bodies += s.bodies;
     record.contacts += s.contacts;
@@ -58,7 +54,7 @@ void note(const Solver& solver, Record& record) {
     record.rows += s.rows;
     cairn_params params = {};
     params.struct_size = sizeof params;
-    cairn_solver_get_params(solver.cairn.handle(), &params);
+    cairn_solver_get_params(solver.handle(), &params);
     record.method = params.method;
     record.iterations = params.iterations;
     record.substeps = params.substeps;
@@ -66,23 +62,24 @@ void note(const Solver& solver, Record& record) {
 }
 
 void solve(void* solver, const Group& group, Record& record) {
-    Solver& s = of(solver);
+    bullet::ConstraintSolver& s = of(solver);
     // prepareSolve() and allSolved() cannot be replaced: Bullet's compiler has put their empty bodies where they are called. So
     // let the world hand over all of its islands at once: in parts, each would take the others' place in the warm-start cache. (The
-    // info is the world's own, const on its way here only. The first step still comes in parts.)
+    // info is the world's own, const on its way here only. The first step still comes in parts. Threads of a pool may do this at
+    // the same time, to the same value.)
     constexpr int all = std::numeric_limits<int>::max();
     btContactSolverInfo& info = *static_cast<btContactSolverInfo*>(const_cast<void*>(group.info));
     if (info.m_minimumSolverBatchSize != all)
         info.m_minimumSolverBatchSize = all;
-    s.cairn.solveGroup(reinterpret_cast<btCollisionObject**>(group.bodies), group.bodyCount,
-                       reinterpret_cast<btPersistentManifold**>(group.manifolds), group.manifoldCount,
-                       reinterpret_cast<btTypedConstraint**>(group.constraints), group.constraintCount, info,
-                       static_cast<btIDebugDraw*>(group.drawer), static_cast<btDispatcher*>(group.dispatcher));
+    s.solveGroup(reinterpret_cast<btCollisionObject**>(group.bodies), group.bodyCount,
+                 reinterpret_cast<btPersistentManifold**>(group.manifolds), group.manifoldCount,
+                 reinterpret_cast<btTypedConstraint**>(group.constraints), group.constraintCount, info,
+                 static_cast<btIDebugDraw*>(group.drawer), static_cast<btDispatcher*>(group.dispatcher));
     if (group.bodyCount + group.manifoldCount + group.constraintCount > 0)
         note(s, record);
 }
 
-void reset(void* solver) { of(solver).cairn.reset(); }
+void reset(void* solver) { of(solver).reset(); }
 
 double gap(const btTypedConstraint& constraint) {
     btVector3 a, b;

@@ -1,6 +1,7 @@
 // Between libcairn_bullet_preload.so, which knows no Bullet, and its two halves, each compiled with Bullet's headers in one
 // precision: libcairn_bullet_float.so and libcairn_bullet_double.so. All three are of one build. Bullet's objects pass as void*.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 
 namespace cairn {
@@ -16,6 +17,23 @@ struct Record {
     double deepest;                          // m: penetration, and
     double widest;                           // m: gap of a ball or hinge joint, both as the last step left them
 };
+
+inline void add(Record& to, const Record& more) {
+    to.solves += more.solves;
+    to.failures += more.failures;
+    to.bodies += more.bodies;
+    to.contacts += more.contacts;
+    to.joints += more.joints;
+    to.rows += more.rows;
+    if (more.solves > 0) {
+        to.method = more.method;
+        to.iterations = more.iterations;
+        to.substeps = more.substeps;
+    }
+    to.residual = std::max(to.residual, more.residual);
+    to.deepest = std::max(to.deepest, more.deepest);
+    to.widest = std::max(to.widest, more.widest);
+}
 
 struct Group {
     void** bodies;

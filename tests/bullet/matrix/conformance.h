@@ -1,7 +1,7 @@
 // The conformance matrix: each test that fills a cell reports how far Cairn is from its reference, or why the cell does not
 // apply. What a whole run reports goes, as CSV, to the file that CAIRN_CONFORMANCE names; table.py makes Markdown of it.
 //
-// A section is a table, with its own rows and columns: "joints", "contacts", "body flags", ...
+// A section is a table, with its own rows and columns: "Joints", "Contacts", "Bodies", ...
 #pragma once
 #include <gtest/gtest.h>
 

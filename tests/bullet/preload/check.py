@@ -146,7 +146,7 @@ class LeavesToBullet(unittest.TestCase):
         self.assertEqual(done.stdout, stock.stdout)
         self.assertIn('CAIRN_METHOD is "best"', done.stderr)
 
-    def test_old_version_that_comes_late(self) -> None:
+    def test_no_bullet_that_comes_late(self) -> None:
         done = cairn("--late", "/bin/true")
         self.assertEqual(
             (done.returncode, done.stderr), (0, "cairn: no btSequentialImpulseConstraintSolver was called\n")
