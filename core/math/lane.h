@@ -39,14 +39,14 @@ CAIRN_HD inline void store(double a, double* to) { *to = a; }
 #if CAIRN_LANES > 1
 using Lane = std::experimental::simd<Real, std::experimental::simd_abi::deduce_t<Real, CAIRN_LANES>>;
 using Mask = Lane::mask_type;
-inline Lane select(const Mask& m, const Lane& a, const Lane& b) {
+CAIRN_HD inline Lane select(const Mask& m, const Lane& a, const Lane& b) {
     Lane r = b;
     where(m, r) = a;
     return r;
 }
-inline Lane root(const Lane& a) { return std::experimental::sqrt(a); }
-inline void load(Lane& a, const Real* from) { a.copy_from(from, std::experimental::vector_aligned); }
-inline void store(const Lane& a, Real* to) { a.copy_to(to, std::experimental::vector_aligned); }
+CAIRN_HD inline Lane root(const Lane& a) { return std::experimental::sqrt(a); }
+CAIRN_HD inline void load(Lane& a, const Real* from) { a.copy_from(from, std::experimental::vector_aligned); }
+CAIRN_HD inline void store(const Lane& a, Real* to) { a.copy_to(to, std::experimental::vector_aligned); }
 #else
 using Lane = Real;
 #endif
