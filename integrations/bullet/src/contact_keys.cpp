@@ -8,12 +8,23 @@ namespace bullet {
 constexpr int ContactKeys::kPoints;
 static_assert(MANIFOLD_CACHE_SIZE == ContactKeys::kPoints, "Bullet keeps four points a manifold");
 
+namespace {
+
+std::size_t indexOf(const btPersistentManifold& manifold) { return static_cast<std::size_t>(static_cast<unsigned>(manifold.m_index1a)); }
+
+} // namespace
+
+void ContactKeys::prefetchGuess(const btPersistentManifold& manifold) const {
+    if (!m_places.empty())
+        prefetch<offsetof(Remembered, points)>(&m_places[std::min<std::size_t>(guessOf(indexOf(manifold)), m_places.size() - 1)]);
+}
+
 uint32_t ContactKeys::place(const btPersistentManifold& manifold) {
-    const std::size_t index = static_cast<std::size_t>(static_cast<unsigned>(manifold.m_index1a));
+    const std::size_t index = indexOf(manifold);
     const bool guesses = index < 2 * m_places.size() + 1024; // another dispatcher's may be anything
     if (guesses && index >= m_byIndex.size())
         m_byIndex.resize(index + index / 2 + 64, 0);
-    uint32_t found = guesses ? m_byIndex[index] : 0;
+    uint32_t found = guessOf(index);
     if (found >= m_places.size() || m_places[found].manifold != &manifold) {
         const auto known = m_placeOf.find(&manifold);
         if (known != m_placeOf.end()) {
@@ -59,8 +70,8 @@ int ContactKeys::match(uint32_t place, const btPersistentManifold& manifold, uin
         for (int j = 0; j < old.count; ++j) {
             if (taken[j])
                 continue;
-            const btScalar distanceA = (point.m_localPointA - old.points[j].localA).length2();
-            const btScalar distanceB = (point.m_localPointB - old.points[j].localB).length2();
+            const btScalar distanceA = (point.m_localPointA - vector(old.points[j].localA)).length2();
+            const btScalar distanceB = (point.m_localPointB - vector(old.points[j].localB)).length2();
             const btScalar distance = distanceA < distanceB ? distanceA : distanceB;
             if (distance < nearest) {
                 nearest = distance;
@@ -74,7 +85,9 @@ int ContactKeys::match(uint32_t place, const btPersistentManifold& manifold, uin
             keys[i] = 0;
         }
         fresh += keys[i] == 0;
-        points[i] = Point{point.m_localPointA, point.m_localPointB, keys[i]};
+        points[i].key = keys[i];
+        store(points[i].localA, point.m_localPointA);
+        store(points[i].localB, point.m_localPointB);
     }
     for (int i = 0; i < count; ++i)
         old.points[i] = points[i];

@@ -31,6 +31,8 @@ class ContactKeys {
     // for a point that is new, and returns how many are; then new keys for those of a place, one call after another.
     uint32_t place(const btPersistentManifold& manifold);
     int match(uint32_t place, const btPersistentManifold& manifold, uint64_t (&keys)[kPoints]);
+    // What place(), what match() will look at.
+    void prefetchGuess(const btPersistentManifold& manifold) const;
     void prefetchPlace(uint32_t place) const { prefetch<sizeof(Remembered)>(&m_places[place]); }
     void number(uint32_t place, uint64_t (&keys)[kPoints]);
     // Forgets manifolds that have not been seen for a while.
@@ -39,8 +41,8 @@ class ContactKeys {
 
   private:
     struct Point {
-        btVector3 localA, localB;
         uint64_t key;
+        btScalar localA[3], localB[3];
     };
     struct Remembered {
         const btPersistentManifold* manifold = nullptr;
@@ -53,6 +55,9 @@ class ContactKeys {
     std::vector<Remembered> m_places;
     std::vector<uint32_t> m_free;
     std::unordered_map<const btPersistentManifold*, uint32_t> m_placeOf;
+    // The place that the manifold's index in its dispatcher suggests.
+    uint32_t guessOf(std::size_t index) const { return index < m_byIndex.size() ? m_byIndex[index] : 0; }
+
     std::vector<uint32_t> m_byIndex; // by btPersistentManifold::m_index1a, the dispatcher's; a guess that saves the look-up
     uint64_t m_step = 0;
     uint64_t m_nextKey = 1; // 0 means no key

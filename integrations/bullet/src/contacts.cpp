@@ -93,19 +93,19 @@ Ellipse ellipseOf(const Anisotropy& scaled, const btVector3& normal) {
     return Ellipse{axis, btSqrt(mean + radius), btSqrt(btMax(mean - radius, btScalar(0)))};
 }
 
-// What follows writes to contact i of the tables; neither resizes them unless extra(i) has to.
+// What follows writes to one contact's extra.
 
 // Friction along directions that the user gave the point: as strong as they are long, and only along the first unless there are to
 // be two; it drives the slip to m_contactMotion.
-void useGivenDirections(const btManifoldPoint& point, bool two, Tables& tables, std::size_t i) {
+void useGivenDirections(const btManifoldPoint& point, bool two, ContactExtra& extra) {
     const btVector3& normal = point.m_normalWorldOnB;
     const btVector3 first = acrossNormal(point.m_lateralFrictionDir1, normal), second = acrossNormal(point.m_lateralFrictionDir2, normal);
     const btScalar length1 = first.length(), length2 = two ? second.length() : btScalar(0);
-    store(tables.contacts[i].tangent, length1 > btScalar(0) ? first : second.cross(normal));
+    store(extra.tangent, length1 > btScalar(0) ? first : second.cross(normal));
     constexpr btScalar rounding = btScalar(1e-3);
     if (btFabs(length1 - 1) > rounding || btFabs(length2 - 1) > rounding) {
-        tables.extra(i).frictionScale[0] = length1;
-        tables.extra(i).frictionScale[1] = length2;
+        extra.frictionScale[0] = length1;
+        extra.frictionScale[1] = length2;
     }
     btVector3 motion(0, 0, 0);
     if (length1 > btScalar(0))
@@ -113,26 +113,26 @@ void useGivenDirections(const btManifoldPoint& point, bool two, Tables& tables, 
     if (length2 > btScalar(0))
         motion += second * (point.m_contactMotion2 / (length2 * length2));
     if (!motion.isZero())
-        store(tables.extra(i).surfaceVelocity, motion);
+        store(extra.surfaceVelocity, motion);
 }
 
-void useAnisotropicFriction(const btManifoldPoint& point, const Anisotropy& scaled, Tables& tables, std::size_t i) {
+void useAnisotropicFriction(const btManifoldPoint& point, const Anisotropy& scaled, ContactExtra& extra) {
     const Ellipse ellipse = ellipseOf(scaled, point.m_normalWorldOnB);
-    store(tables.contacts[i].tangent, ellipse.axis);
-    tables.extra(i).frictionScale[0] = ellipse.longer;
-    tables.extra(i).frictionScale[1] = ellipse.shorter;
+    store(extra.tangent, ellipse.axis);
+    extra.frictionScale[0] = ellipse.longer;
+    extra.frictionScale[1] = ellipse.shorter;
 }
 
 // Where the two surfaces' points have slid apart, friction pulls them together again by m_frictionERP of the gap in this step.
-void useAnchor(const btManifoldPoint& point, const btContactSolverInfo& info, Tables& tables, std::size_t i) {
+void useAnchor(const btManifoldPoint& point, const btContactSolverInfo& info, ContactExtra& extra) {
     const btVector3 gap = acrossNormal(point.getPositionWorldOnA() - point.getPositionWorldOnB(), point.m_normalWorldOnB);
-    btScalar(&target)[3] = tables.extra(i).surfaceVelocity;
+    btScalar(&target)[3] = extra.surfaceVelocity;
     store(target, vector(target) - gap * (info.m_frictionERP / info.m_timeStep));
 }
 
 // Stock scales each axis of rolling friction before it knows where the bodies roll; here the coefficient is that along the axis
 // about which they do, or the largest.
-void useRollingFriction(const btManifoldPoint& point, const Anisotropy& scaled, Tables& tables, std::size_t i) {
+void useRollingFriction(const btManifoldPoint& point, const Anisotropy& scaled, ContactExtra& extra) {
     btScalar share = 1;
     if (scaled.any()) {
         const btRigidBody *body0 = btRigidBody::upcast(scaled.objects[0]), *body1 = btRigidBody::upcast(scaled.objects[1]);
@@ -141,14 +141,13 @@ void useRollingFriction(const btManifoldPoint& point, const Anisotropy& scaled, 
         const btVector3 roll = acrossNormal(turn, point.m_normalWorldOnB);
         share = roll.length2() > SIMD_EPSILON ? scaled(roll.normalized()).length() : ellipseOf(scaled, point.m_normalWorldOnB).longer;
     }
-    ContactExtra& extra = tables.extra(i);
     extra.rollingFriction = point.m_combinedRollingFriction * share;
     extra.spinningFriction = btMax(point.m_combinedSpinningFriction, btScalar(0));
 }
 
 // A contact's cfm and erp are those of a spring and damper in the step's dt: cfm = 1 / (dt k + d), erp = dt k / (dt k + d). A rigid
 // one (cfm 0) keeps the method's own bias.
-void soften(const btManifoldPoint& point, const btContactSolverInfo& info, Tables& tables, std::size_t i) {
+void soften(const btManifoldPoint& point, const btContactSolverInfo& info, ContactExtra& extra) {
     const int flags = point.m_contactPointFlags;
     btScalar stiffness, damping;
     if (flags & (BT_CONTACT_FLAG_HAS_CONTACT_CFM | BT_CONTACT_FLAG_HAS_CONTACT_ERP)) {
@@ -162,12 +161,12 @@ void soften(const btManifoldPoint& point, const btContactSolverInfo& info, Table
         stiffness = point.m_combinedContactStiffness1;
         damping = point.m_combinedContactDamping1;
     }
-    tables.extra(i).stiffness = clamped(stiffness, 0, btScalar(1e30)); // one without either would be rigid to Cairn
-    tables.extra(i).damping = clamped(damping, btScalar(SIMD_EPSILON), btScalar(1e30));
+    extra.stiffness = clamped(stiffness, 0, btScalar(1e30)); // one without either would be rigid to Cairn
+    extra.damping = clamped(damping, btScalar(SIMD_EPSILON), btScalar(1e30));
 }
 
 // What few points have, found by fill().
-enum Feature : uint8_t { kTangents = 1, kExtras = 2, kPredictive = 4 };
+enum Feature : uint8_t { kExtras = 1, kPredictive = 2 };
 
 bool givesDirections(const btManifoldPoint& point, const btContactSolverInfo& info) {
     return (info.m_solverMode & SOLVER_ENABLE_FRICTION_DIRECTION_CACHING) &&
@@ -186,10 +185,10 @@ void Contacts::choose(const std::vector<btPersistentManifold*>& manifolds, btDis
     m_entries.clear();
     uint32_t points = 0;
     for (std::size_t i = 0; i < manifolds.size(); ++i) {
-        if (i + ahead < manifolds.size()) {
-            const char* const head = reinterpret_cast<const char*>(&manifolds[i + ahead]->m_index1a);
-            prefetch<80>(head - 40);
-        }
+        if (i + ahead < manifolds.size())
+            prefetch<80>(reinterpret_cast<const char*>(&manifolds[i + ahead]->m_index1a) - 40);
+        if (i + ahead / 2 < manifolds.size())
+            m_keys.prefetchGuess(*manifolds[i + ahead / 2]);
         btPersistentManifold& manifold = *manifolds[i];
         const int count = manifold.getNumContacts();
         btCollisionObject &object0 = object0Of(manifold), &object1 = object1Of(manifold);
@@ -214,9 +213,9 @@ void Contacts::gather(const std::vector<btPersistentManifold*>& manifolds, btDis
     m_keys.beginStep();
     choose(manifolds, dispatcher);
     loops.each(m_entries.size(), grain, [&](std::size_t i) {
-        if (i + 2 < m_entries.size()) {
-            prefetch<ContactKeys::kPoints * sizeof(btManifoldPoint)>(m_entries[i + 2].manifold);
-            m_keys.prefetchPlace(m_entries[i + 2].place);
+        if (i + 4 < m_entries.size()) {
+            prefetch<ContactKeys::kPoints * sizeof(btManifoldPoint)>(m_entries[i + 4].manifold);
+            m_keys.prefetchPlace(m_entries[i + 4].place);
         }
         fill(m_entries[i], info);
     });
@@ -230,20 +229,16 @@ void Contacts::gather(const std::vector<btPersistentManifold*>& manifolds, btDis
         if (entry.features & kPredictive)
             bounce(entry);
     }
-    m_tables.tangents = (features & kTangents) != 0;
-    if (features & kExtras)
+    if (features & kExtras) {
         m_tables.contactExtras.resize(m_tables.contacts.size(), ContactExtra::none());
-    const auto use = [&](std::size_t i) {
-        if (m_entries[i].features & (kTangents | kExtras))
-            useFeatures(m_entries[i], info);
-    };
-    if (features & kExtras)
-        loops.each(m_entries.size(), grain, use);
-    else if (features & kTangents) // which may need extras, or not
-        for (std::size_t i = 0; i < m_entries.size(); ++i)
-            use(i);
+        loops.each(m_entries.size(), grain, [&](std::size_t i) {
+            if (m_entries[i].features & kExtras)
+                useFeatures(m_entries[i], info);
+        });
+    }
     if (left)
         closeGaps();
+    m_tables.contactResults.resize(m_tables.contacts.size());
     m_keys.endStep(manifolds.size());
 }
 
@@ -273,7 +268,6 @@ void Contacts::fill(Entry& entry, const btContactSolverInfo& info) {
         }
         m_tables.contactOwners[at] = &point;
         ContactRecord& record = m_tables.contacts[at];
-        record = ContactRecord();
         record.key = pointKeys[i];
         record.bodyA = entry.body1;
         record.bodyB = entry.body0;
@@ -285,13 +279,9 @@ void Contacts::fill(Entry& entry, const btContactSolverInfo& info) {
         record.separation = point.getDistance() + info.m_linearSlop;
         record.friction = btMax(point.m_combinedFriction, btScalar(0));
         record.restitution = clamped(point.m_combinedRestitution, btScalar(0), btScalar(1));
-        const bool extra =
-            (point.m_contactPointFlags & (BT_CONTACT_FLAG_FRICTION_ANCHOR | kSoft)) || point.m_combinedRollingFriction > btScalar(0);
+        const bool extra = slides || (point.m_contactPointFlags & (BT_CONTACT_FLAG_FRICTION_ANCHOR | kSoft)) ||
+                           point.m_combinedRollingFriction > btScalar(0) || givesDirections(point, info);
         int features = extra ? kExtras : 0;
-        if (givesDirections(point, info))
-            features |= kTangents;
-        else if (slides)
-            features |= kTangents | kExtras;
         if (isPredictive(point))
             features |= kPredictive;
         entry.features = static_cast<uint8_t>(entry.features | features);
@@ -307,16 +297,17 @@ void Contacts::useFeatures(const Entry& entry, const btContactSolverInfo& info) 
         if (!m_tables.contactOwners[at])
             continue;
         const btManifoldPoint& point = *m_tables.contactOwners[at];
+        ContactExtra& extra = m_tables.contactExtras[at];
         if (givesDirections(point, info))
-            useGivenDirections(point, (info.m_solverMode & SOLVER_USE_2_FRICTION_DIRECTIONS) != 0, m_tables, at);
+            useGivenDirections(point, (info.m_solverMode & SOLVER_USE_2_FRICTION_DIRECTIONS) != 0, extra);
         else if (slides.any())
-            useAnisotropicFriction(point, slides, m_tables, at);
+            useAnisotropicFriction(point, slides, extra);
         if (point.m_contactPointFlags & BT_CONTACT_FLAG_FRICTION_ANCHOR)
-            useAnchor(point, info, m_tables, at);
+            useAnchor(point, info, extra);
         if (point.m_contactPointFlags & kSoft)
-            soften(point, info, m_tables, at);
+            soften(point, info, extra);
         if (point.m_combinedRollingFriction > btScalar(0))
-            useRollingFriction(point, rolls, m_tables, at);
+            useRollingFriction(point, rolls, extra);
     }
 }
 
@@ -337,21 +328,20 @@ void Contacts::number(const Entry& entry) {
 
 void Contacts::closeGaps() {
     std::vector<ContactExtra>& extras = m_tables.contactExtras;
-    std::size_t kept = 0, keptExtras = 0;
+    std::size_t kept = 0;
     for (std::size_t i = 0; i < m_tables.contacts.size(); ++i) {
         if (!m_tables.contactOwners[i])
             continue;
         m_tables.contacts[kept] = m_tables.contacts[i];
         m_tables.contactOwners[kept] = m_tables.contactOwners[i];
-        if (i < extras.size()) {
+        if (!extras.empty())
             extras[kept] = extras[i];
-            keptExtras = kept + 1;
-        }
         ++kept;
     }
     m_tables.contacts.resize(kept);
     m_tables.contactOwners.resize(kept);
-    extras.resize(keptExtras, ContactExtra::none());
+    if (!extras.empty())
+        extras.resize(kept);
 }
 
 void Contacts::scatter(const Loops& loops) const {
@@ -361,13 +351,13 @@ void Contacts::scatter(const Loops& loops) const {
         return square > btScalar(0) ? impulse.dot(direction) / square : btScalar(0);
     };
     loops.each(m_tables.contacts.size(), 256, [&](std::size_t i) {
-        constexpr std::size_t ahead = 8;
+        constexpr std::size_t ahead = 24, unused = offsetof(btManifoldPoint, m_normalWorldOnB);
         if (i + ahead < m_tables.contacts.size())
-            prefetch<sizeof(btManifoldPoint)>(m_tables.contactOwners[i + ahead]);
-        const ContactRecord& record = m_tables.contacts[i];
+            prefetch<sizeof(btManifoldPoint) - unused>(&m_tables.contactOwners[i + ahead]->m_normalWorldOnB);
+        const ContactResult& result = m_tables.contactResults[i];
         btManifoldPoint& point = *m_tables.contactOwners[i];
-        const btVector3 friction = vector(record.frictionImpulse); // on body 0
-        point.m_appliedImpulse = record.impulse;
+        const btVector3 friction = vector(result.frictionImpulse); // on body 0
+        point.m_appliedImpulse = result.impulse;
         if (!(point.m_contactPointFlags & BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED))
             btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
         point.m_appliedImpulseLateral1 = along(point.m_lateralFrictionDir1, friction);

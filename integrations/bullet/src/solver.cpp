@@ -52,7 +52,7 @@ cairn_bodies viewBodies(std::vector<BodyRecord>& records) {
     return table;
 }
 
-cairn_contacts viewContacts(std::vector<ContactRecord>& records, std::vector<ContactExtra>& extras, bool tangents) {
+cairn_contacts viewContacts(std::vector<ContactRecord>& records, std::vector<ContactExtra>& extras) {
     cairn_contacts table = {};
     table.struct_size = sizeof table;
     table.count = static_cast<uint32_t>(records.size());
@@ -64,13 +64,9 @@ cairn_contacts viewContacts(std::vector<ContactRecord>& records, std::vector<Con
     table.separation = CAIRN_REAL(records, separation);
     table.friction = CAIRN_REAL(records, friction);
     table.restitution = CAIRN_REAL(records, restitution);
-    if (tangents)
-        table.tangent = CAIRN_REAL(records, tangent);
     table.key = CAIRN_FIELD(records, key, CAIRN_U64);
     table.flags = CAIRN_FIELD(records, flags, CAIRN_U32);
-    if (extras.empty())
-        return table;
-    extras.resize(records.size(), ContactExtra::none());
+    table.tangent = CAIRN_REAL(extras, tangent);
     table.friction_scale = CAIRN_REAL(extras, frictionScale);
     table.surface_velocity = CAIRN_REAL(extras, surfaceVelocity);
     table.rolling_friction = CAIRN_REAL(extras, rollingFriction);
@@ -132,8 +128,8 @@ cairn_results viewResults(Tables& tables) {
     results.orientation = CAIRN_REAL(tables.bodies, orientation);
     results.linear_velocity = CAIRN_REAL(tables.bodies, linearVelocity);
     results.angular_velocity = CAIRN_REAL(tables.bodies, angularVelocity);
-    results.contact_impulse = CAIRN_REAL(tables.contacts, impulse);
-    results.friction_impulse = CAIRN_REAL(tables.contacts, frictionImpulse);
+    results.contact_impulse = CAIRN_REAL(tables.contactResults, impulse);
+    results.friction_impulse = CAIRN_REAL(tables.contactResults, frictionImpulse);
     results.joint_impulse = CAIRN_REAL(tables.joints, impulse);
     results.row_impulse = CAIRN_REAL(tables.rows, impulse);
     results.joint_linear = CAIRN_REAL(tables.joints, linear);
@@ -263,7 +259,7 @@ struct ConstraintSolver::Implementation {
         if (set != CAIRN_OK)
             return set;
         const cairn_bodies bodyTable = viewBodies(tables.bodies);
-        const cairn_contacts contactTable = viewContacts(tables.contacts, tables.contactExtras, tables.tangents);
+        const cairn_contacts contactTable = viewContacts(tables.contacts, tables.contactExtras);
         const cairn_joints jointTable = viewJoints(tables.joints, tables.drives, tables.bounded);
         const cairn_rows rowTable = viewRows(tables.rows);
         const cairn_results results = viewResults(tables);

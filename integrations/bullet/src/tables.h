@@ -44,13 +44,16 @@ struct ContactRecord {
     btScalar separation;
     btScalar friction;
     btScalar restitution;
-    btScalar tangent[3];
-    btScalar impulse;            // result
-    btScalar frictionImpulse[3]; // result
 };
 
-// What few contacts have. A table of its own, parallel to contacts as far as it goes and empty where none has it.
+struct ContactResult {
+    btScalar impulse;
+    btScalar frictionImpulse[3];
+};
+
+// What few contacts have. A table of its own, parallel to contacts and empty where none has it.
 struct ContactExtra {
+    btScalar tangent[3];
     btScalar frictionScale[2];
     btScalar surfaceVelocity[3];
     btScalar rollingFriction;
@@ -58,7 +61,7 @@ struct ContactExtra {
     btScalar stiffness;
     btScalar damping;
 
-    static ContactExtra none() { return ContactExtra{{1, 1}, {0, 0, 0}, 0, 0, 0, 0}; }
+    static ContactExtra none() { return ContactExtra{{0, 0, 0}, {1, 1}, {0, 0, 0}, 0, 0, 0, 0}; }
 };
 
 struct JointRecord {
@@ -119,12 +122,12 @@ struct Tables {
     std::vector<ContactRecord> contacts;
     std::vector<btManifoldPoint*> contactOwners; // parallel to contacts; while they are gathered NULL where a point takes no part
     std::vector<ContactExtra> contactExtras;
+    std::vector<ContactResult> contactResults; // parallel to contacts once they are gathered
     std::vector<JointRecord> joints;
     std::vector<RowRecord> rows;
     std::vector<ConstraintSlot> constraints;
-    bool tangents = false; // some contact brings its own friction direction
-    bool drives = false;   // some joint has a spring, a servo or a rotation of another kind
-    bool bounded = false;  // some joint's force is bounded
+    bool drives = false;  // some joint has a spring, a servo or a rotation of another kind
+    bool bounded = false; // some joint's force is bounded
 
     void clear() {
         bodyOwners.clear();
@@ -132,12 +135,7 @@ struct Tables {
         joints.clear();
         rows.clear();
         constraints.clear();
-        tangents = drives = bounded = false;
-    }
-    ContactExtra& extra(std::size_t contact) {
-        if (contact >= contactExtras.size())
-            contactExtras.resize(contact + 1, ContactExtra::none());
-        return contactExtras[contact];
+        drives = bounded = false;
     }
 };
 
