@@ -139,37 +139,61 @@ void print(const Speed& speed) {
                 1e3 * times.scatter, 1e3 * times.sweeps);
 }
 
+void runSpeed(Report& report, const Options& options) {
+    const Progress progress(options.sizes.size() * options.scenes.size());
+    std::size_t done = 0;
+    const Told told = [&](const std::string& what) { progress.show(done, what); };
+    for (const std::size_t bodies : options.sizes)
+        for (const std::string& scene : options.scenes) {
+            const std::vector<Speed> found = measureSpeed(scene, bodies, options, told);
+            report.speed.insert(report.speed.end(), found.begin(), found.end());
+            ++done;
+            report.complete = done == options.sizes.size() * options.scenes.size();
+            progress.clear();
+            for (const Speed& speed : found)
+                print(speed);
+            std::fflush(stdout);
+            save(report, options);
+        }
+}
+
+void runQuality(Report& report, const Options& options) {
+    const std::size_t pairs = options.sizes.size() * options.scenes.size() * options.iterations.size();
+    const Progress progress(2 * pairs);
+    std::size_t done = 0;
+    const Told told = [&](const std::string& what) { progress.show(done, what); };
+    std::vector<Pair> matched;
+    for (const std::size_t bodies : options.sizes)
+        for (const std::string& scene : options.scenes)
+            for (const std::uint32_t iterations : options.iterations) {
+                matched.push_back(matchTimes(scene, bodies, iterations, options, told));
+                ++done;
+            }
+    progress.clear();
+    std::fprintf(stderr, "times are matched: the machine may be used again\n");
+    for (Pair& pair : matched) {
+        measureQuality(pair, options, told);
+        report.quality.insert(report.quality.end(), pair.begin(), pair.end());
+        ++done;
+        report.complete = done == 2 * pairs;
+        progress.clear();
+        for (const Quality& quality : pair)
+            std::printf("%s", qualityRow(quality).c_str());
+        std::fflush(stdout);
+        save(report, options);
+    }
+}
+
 void run(const Options& options) {
     Report report;
     describe(report, options);
     save(report, options);
     printHead(report, options);
     std::fflush(stdout);
-    const std::size_t rounds = options.quality ? options.iterations.size() : 1;
-    const Progress progress(options.sizes.size() * options.scenes.size() * rounds);
-    std::size_t done = 0;
-    const Told told = [&](const std::string& what) { progress.show(done, what); };
-    for (const std::size_t bodies : options.sizes)
-        for (const std::string& scene : options.scenes)
-            for (std::size_t round = 0; round < rounds; ++round) {
-                const std::size_t speeds = report.speed.size(), qualities = report.quality.size();
-                if (options.quality) {
-                    for (const Quality& quality : measureQuality(scene, bodies, options.iterations[round], options, told))
-                        report.quality.push_back(quality);
-                } else {
-                    for (const Speed& speed : measureSpeed(scene, bodies, options, told))
-                        report.speed.push_back(speed);
-                }
-                ++done;
-                report.complete = done == options.sizes.size() * options.scenes.size() * rounds;
-                progress.clear();
-                for (std::size_t i = speeds; i < report.speed.size(); ++i)
-                    print(report.speed[i]);
-                for (std::size_t i = qualities; i < report.quality.size(); ++i)
-                    std::printf("%s", qualityRow(report.quality[i]).c_str());
-                std::fflush(stdout);
-                save(report, options);
-            }
+    if (options.quality)
+        runQuality(report, options);
+    else
+        runSpeed(report, options);
 }
 
 } // namespace

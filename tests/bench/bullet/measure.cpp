@@ -46,26 +46,32 @@ void settle(Subject& subject, const std::string& scene, std::size_t bodies, cons
 // linear in the iterations, from two measured points on.
 class Match {
   public:
+    struct Found {
+        std::uint32_t iterations;
+        double stock, cairn; // s
+    };
     Match(Subject& stock, CairnSubject& cairn, const Told& told, std::string what)
         : m_stock(stock), m_cairn(cairn), m_told(told), m_what(std::move(what)) {}
 
-    std::uint32_t iterations() {
-        double slope = (ratio(60) - ratio(10)) / 50;
+    Found found() {
+        const auto off = [](const Found& at) { return at.cairn / at.stock - 1; };
+        const double slope = (off(timed(60)) - off(timed(10))) / 50;
         double guess = 10;
-        for (int round = 0; round < 6; ++round) {
-            const double off = ratio(static_cast<std::uint32_t>(std::lround(guess))) - 1;
-            if (std::abs(off) < 0.03 || (off > 0 && guess <= 1))
-                break;
-            guess = std::max(1.0, guess - off / std::max(slope, 1e-6));
+        Found best = timed(10);
+        for (int round = 0; round < 8 && std::abs(off(best)) >= 0.02; ++round) {
+            guess = std::max(1.0, guess - off(timed(guess)) / std::max(slope, 1e-6));
+            const Found next = timed(guess);
+            if (std::abs(off(next)) < std::abs(off(best)))
+                best = next;
         }
-        return static_cast<std::uint32_t>(std::lround(guess));
+        return best;
     }
 
   private:
-    // Of Cairn's solver time to stock's.
-    double ratio(std::uint32_t iterations) {
-        constexpr int kSteps = 5;
-        m_cairn.setIterations(iterations);
+    Found timed(double iterations) {
+        constexpr int kSteps = 7;
+        const std::uint32_t wanted = static_cast<std::uint32_t>(std::lround(iterations));
+        m_cairn.setIterations(wanted);
         m_cairn.step(); // at its new number of sweeps
         std::vector<double> stock, cairn;
         for (int i = 0; i < kSteps; ++i) {
@@ -73,7 +79,7 @@ class Match {
             stock.push_back(m_stock.step().solver);
             cairn.push_back(m_cairn.step().solver);
         }
-        return median(cairn) / median(stock);
+        return {wanted, median(stock), median(cairn)};
     }
     Subject& m_stock;
     CairnSubject& m_cairn;
@@ -92,7 +98,7 @@ class Run {
     void step(int i) {
         if (i == m_steps / 2 && !m_fromStart)
             m_places = m_subject.scene().state();
-        m_times.push_back(m_subject.step().solver);
+        m_subject.step();
         if (i < m_steps / 2)
             return;
         const Scene::Depth depth = m_subject.scene().depth();
@@ -103,7 +109,6 @@ class Run {
         m_square += speed * speed / (m_steps - m_steps / 2);
     }
     void finish(Quality& to) const {
-        to.solver_ms = 1e3 * median(m_times);
         to.worstDepth = m_worst;
         to.meanDepth = m_points > 0 ? m_sum / static_cast<double>(m_points) : 0;
         to.drift = m_subject.scene().farthestFrom(m_places);
@@ -115,7 +120,6 @@ class Run {
     int m_steps;
     bool m_fromStart = false;
     std::vector<State> m_places;
-    std::vector<double> m_times;
     double m_worst = 0, m_sum = 0, m_square = 0;
     std::size_t m_points = 0;
 };
@@ -148,33 +152,35 @@ std::vector<Speed> measureSpeed(const std::string& scene, std::size_t bodies, co
     return found;
 }
 
-std::vector<Quality> measureQuality(const std::string& scene, std::size_t bodies, std::uint32_t iterations, const Options& options,
-                                    const Told& told) {
-    const std::string what = named(scene, bodies) + ", stock " + std::to_string(iterations);
-    Quality stock{scene, bodies, "stock", iterations}, cairn{scene, bodies, "cairn"};
-    {
-        StockSubject settled(scene, bodies, static_cast<int>(iterations));
-        settled.scene().info().m_numIterations = kStockIterations;
-        settle(settled, scene, bodies, options, told);
-        settled.scene().info().m_numIterations = static_cast<int>(iterations);
-        CairnSubject other(scene, bodies, options.threads);
-        other.scene().set(settled.scene().state());
-        cairn.iterations = Match(settled, other, told, what + ": matching times").iterations();
-    }
-    StockSubject stockSubject(scene, bodies, static_cast<int>(iterations));
-    CairnSubject cairnSubject(scene, bodies, options.threads);
+Pair matchTimes(const std::string& scene, std::size_t bodies, std::uint32_t iterations, const Options& options, const Told& told) {
+    StockSubject stock(scene, bodies, kStockIterations);
+    settle(stock, scene, bodies, options, told);
+    stock.scene().info().m_numIterations = static_cast<int>(iterations);
+    CairnSubject cairn(scene, bodies, options.threads);
+    cairn.scene().set(stock.scene().state());
+    const std::string what = named(scene, bodies) + ", stock " + std::to_string(iterations) + ": matching times";
+    const Match::Found found = Match(stock, cairn, told, what).found();
+    cairn.setIterations(found.iterations);
+    return {Quality{scene, bodies, "stock", iterations, 1, 1e3 * found.stock},
+            Quality{scene, bodies, "cairn", found.iterations, cairn.params().substeps, 1e3 * found.cairn}};
+}
+
+void measureQuality(Pair& pair, const Options& options, const Told& told) {
+    auto& [stock, cairn] = pair;
+    StockSubject stockSubject(stock.scene, stock.bodies, static_cast<int>(stock.iterations));
+    CairnSubject cairnSubject(cairn.scene, cairn.bodies, options.threads);
     cairnSubject.setIterations(cairn.iterations);
-    cairn.substeps = cairnSubject.params().substeps;
     const int steps = options.steps > 0 ? options.steps : (options.quick ? 120 : 600);
-    Run stockRun(stockSubject, scene == "wall", steps), cairnRun(cairnSubject, scene == "wall", steps);
+    const bool fromStart = stock.scene == "wall";
+    Run stockRun(stockSubject, fromStart, steps), cairnRun(cairnSubject, fromStart, steps);
     for (int i = 0; i < steps; ++i) {
-        told(what + ": step " + std::to_string(i) + " of " + std::to_string(steps));
+        told(named(stock.scene, stock.bodies) + ", stock " + std::to_string(stock.iterations) + ": step " + std::to_string(i) + " of " +
+             std::to_string(steps));
         stockRun.step(i);
         cairnRun.step(i);
     }
     stockRun.finish(stock);
     cairnRun.finish(cairn);
-    return {stock, cairn};
 }
 
 } // namespace cairn_bench::bullet

@@ -3,6 +3,7 @@
 #include "options.h"
 #include "subject.h"
 
+#include <array>
 #include <functional>
 #include <string>
 #include <vector>
@@ -30,14 +31,15 @@ struct Quality {
     std::size_t bodies = 0;
     std::string solver;
     std::uint32_t iterations = 0, substeps = 1;
-    double solver_ms = 0;  // median over the run
+    double solver_ms = 0;  // median where the times were matched
     double worstDepth = 0; // m, over the second half of the run
     double meanDepth = 0;  // m, likewise, of all points
     double drift = 0;      // m, of the body that is farthest at the end: from the start in the wall, in the pile since half of the run
     double speed = 0;      // m/s, root of the mean square over bodies and the second half
 };
-// Stock with that many iterations, and Cairn in its time.
-std::vector<Quality> measureQuality(const std::string& scene, std::size_t bodies, std::uint32_t iterations, const Options& options,
-                                    const Told& told);
+// Stock with that many iterations, and Cairn in its time: first the times, then the runs, which take longer but need no quiet machine.
+using Pair = std::array<Quality, 2>;
+Pair matchTimes(const std::string& scene, std::size_t bodies, std::uint32_t iterations, const Options& options, const Told& told);
+void measureQuality(Pair& pair, const Options& options, const Told& told);
 
 } // namespace cairn_bench::bullet

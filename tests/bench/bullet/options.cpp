@@ -10,7 +10,8 @@ What a step costs behind Bullet, whole and in parts, with Bullet's own solver an
 the state that the stock solver has settled; Cairn runs on one thread and on all. Sleeping is off.
 
   --quality          instead, how well they do in the same time: stock PGS at several numbers of iterations, and Cairn's preset `default`
-                     with as many substeps as fit into stock's median solver time, measured in the same run. Takes an hour; a table grows
+                     with as many substeps as fit into stock's median solver time. First the times are matched, in turn, which needs a quiet
+                     machine for some minutes; then the runs, of which a table grows for an hour
   --quick            less settling, fewer steps
   --scenes A,B       of wall, pile; both by default
   --sizes N,N        bodies (1000,8000)
