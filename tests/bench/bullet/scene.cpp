@@ -23,14 +23,20 @@ Scene::~Scene() {
         m_world.removeRigidBody(body.get());
 }
 
+// A running bond: every other course has half bricks at its ends.
 void Scene::wall(std::size_t bodies) {
     m_shapes.push_back(std::make_unique<btBoxShape>(btVector3(btScalar(0.5), btScalar(0.5), btScalar(0.5))));
+    m_shapes.push_back(std::make_unique<btBoxShape>(btVector3(btScalar(0.25), btScalar(0.5), btScalar(0.5))));
     const std::size_t width = std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(std::sqrt(static_cast<double>(bodies) * 1.6))));
     for (std::size_t i = 0; i < bodies; ++i) {
-        const std::size_t course = i / width;
-        const btScalar shift = course % 2 == 0 ? btScalar(0) : btScalar(0.5);
-        add(*m_shapes[0], 1,
-            btTransform(btQuaternion::getIdentity(), btVector3(btScalar(i % width) + shift, btScalar(course) + btScalar(0.5), 0)));
+        const std::size_t pair = i / (2 * width + 1), place = i % (2 * width + 1);
+        const bool shifted = place >= width, first = place == width, last = place == 2 * width;
+        const btScalar x = first  ? btScalar(-0.25)
+                           : last ? btScalar(width) - btScalar(0.75)
+                                  : btScalar(place % width) - btScalar(shifted ? 0.5 : 0);
+        const btScalar y = btScalar(2 * pair + (shifted ? 1 : 0)) + btScalar(0.5);
+        const bool half = first || last;
+        add(*m_shapes[half ? 1 : 0], half ? btScalar(0.5) : btScalar(1), btTransform(btQuaternion::getIdentity(), btVector3(x, y, 0)));
     }
     plane(btVector3(0, 1, 0), 0);
 }
