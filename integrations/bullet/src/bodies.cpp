@@ -11,8 +11,6 @@ namespace cairn {
 namespace bullet {
 namespace {
 
-constexpr std::size_t kAhead = 4;
-
 btQuaternion quaternion(const btScalar (&from)[4]) { return btQuaternion(from[0], from[1], from[2], from[3]); }
 
 // The constant angular velocity that turns `from` into `to` in dt, the short way round.
@@ -83,11 +81,9 @@ int Bodies::add(btCollisionObject& object) {
 
 void Bodies::gather(const Loops& loops) {
     m_tables.bodies.resize(m_objects.size());
-    loops.each(m_objects.size(), 128, [&](std::size_t i) {
-        if (i + kAhead < m_objects.size())
-            prefetch<sizeof(btRigidBody)>(m_objects[i + kAhead]);
-        fill(m_tables.bodies[i], *m_objects[i], m_tables.bodyOwners[i]);
-    });
+    loops.each<4>(
+        m_objects.size(), 128, [&](std::size_t i) { prefetch<sizeof(btRigidBody)>(m_objects[i]); },
+        [&](std::size_t i) { fill(m_tables.bodies[i], *m_objects[i], m_tables.bodyOwners[i]); });
 }
 
 void Bodies::fill(BodyRecord& record, btCollisionObject& object, btRigidBody* owner) {
@@ -121,12 +117,14 @@ void Bodies::fill(BodyRecord& record, btCollisionObject& object, btRigidBody* ow
     }
 }
 
+template <class Move> void Bodies::eachMovable(const Loops& loops, const Move& move) const {
+    loops.each<4>(
+        m_movable.size(), 64, [&](std::size_t i) { prefetch<sizeof(btRigidBody)>(m_tables.bodyOwners[m_movable[i]]); },
+        [&](std::size_t i) { move(i, *m_tables.bodyOwners[m_movable[i]], m_tables.bodies[m_movable[i]]); });
+}
+
 void Bodies::scatter(btScalar dt, const Loops& loops) const {
-    loops.each(m_movable.size(), 64, [&](std::size_t i) {
-        if (i + kAhead < m_movable.size())
-            prefetch<sizeof(btRigidBody)>(m_tables.bodyOwners[m_movable[i + kAhead]]);
-        btRigidBody& body = *m_tables.bodyOwners[m_movable[i]];
-        const BodyRecord& record = m_tables.bodies[m_movable[i]];
+    eachMovable(loops, [dt](std::size_t, btRigidBody& body, const BodyRecord& record) {
         body.setLinearVelocity(vector(record.linearVelocity));
         body.setAngularVelocity(vector(record.angularVelocity));
 
@@ -150,11 +148,7 @@ void Bodies::scatter(btScalar dt, const Loops& loops) const {
 void Bodies::scatter(btScalar dt, std::vector<Flight>& flights, const Loops& loops) const {
     const std::size_t before = flights.size();
     flights.resize(before + m_movable.size());
-    loops.each(m_movable.size(), 64, [&](std::size_t i) {
-        if (i + kAhead < m_movable.size())
-            prefetch<sizeof(btRigidBody)>(m_tables.bodyOwners[m_movable[i + kAhead]]);
-        btRigidBody& body = *m_tables.bodyOwners[m_movable[i]];
-        const BodyRecord& record = m_tables.bodies[m_movable[i]];
+    eachMovable(loops, [&](std::size_t i, btRigidBody& body, const BodyRecord& record) {
         const btTransform& start = body.getWorldTransform();
         btQuaternion orientation;
         start.getBasis().getRotation(orientation);

@@ -48,6 +48,8 @@ class Bodies {
         uint64_t step;
         int index;
     };
+    // move(i, body, record) for the i-th body that the step may move.
+    template <class Move> void eachMovable(const Loops& loops, const Move& move) const;
     static void fill(BodyRecord& record, btCollisionObject& object, btRigidBody* owner);
 
     Tables& m_tables;

@@ -5,6 +5,7 @@
 // bodies, and a point takes over the key of the nearest remembered one that is within the manifold's breaking threshold
 // on either body: the rule that Bullet itself keeps points by.
 #pragma once
+#include "loops.h"
 #include "tables.h"
 
 #include <LinearMath/btVector3.h>

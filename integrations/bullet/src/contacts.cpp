@@ -212,13 +212,13 @@ void Contacts::gather(const std::vector<btPersistentManifold*>& manifolds, btDis
     constexpr std::size_t grain = 64;
     m_keys.beginStep();
     choose(manifolds, dispatcher);
-    loops.each(m_entries.size(), grain, [&](std::size_t i) {
-        if (i + 4 < m_entries.size()) {
-            prefetch<ContactKeys::kPoints * sizeof(btManifoldPoint)>(m_entries[i + 4].manifold);
-            m_keys.prefetchPlace(m_entries[i + 4].place);
-        }
-        fill(m_entries[i], info);
-    });
+    loops.each<4>(
+        m_entries.size(), grain,
+        [&](std::size_t i) {
+            prefetch<ContactKeys::kPoints * sizeof(btManifoldPoint)>(m_entries[i].manifold);
+            m_keys.prefetchPlace(m_entries[i].place);
+        },
+        [&](std::size_t i) { fill(m_entries[i], info); });
 
     int features = 0, left = 0;
     for (const Entry& entry : m_entries) {
@@ -350,10 +350,11 @@ void Contacts::scatter(const Loops& loops) const {
         const btScalar square = direction.length2();
         return square > btScalar(0) ? impulse.dot(direction) / square : btScalar(0);
     };
-    loops.each(m_tables.contacts.size(), 256, [&](std::size_t i) {
-        constexpr std::size_t ahead = 24, unused = offsetof(btManifoldPoint, m_normalWorldOnB);
-        if (i + ahead < m_tables.contacts.size())
-            prefetch<sizeof(btManifoldPoint) - unused>(&m_tables.contactOwners[i + ahead]->m_normalWorldOnB);
+    constexpr std::size_t unread = offsetof(btManifoldPoint, m_normalWorldOnB);
+    const auto fetch = [&](std::size_t i) {
+        prefetch<sizeof(btManifoldPoint) - unread>(reinterpret_cast<const char*>(m_tables.contactOwners[i]) + unread);
+    };
+    loops.each<24>(m_tables.contacts.size(), 256, fetch, [&](std::size_t i) {
         const ContactResult& result = m_tables.contactResults[i];
         btManifoldPoint& point = *m_tables.contactOwners[i];
         const btVector3 friction = vector(result.frictionImpulse); // on body 0

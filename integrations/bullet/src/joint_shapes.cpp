@@ -12,54 +12,49 @@
 #include <BulletDynamics/ConstraintSolver/btSliderConstraint.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
+#include <utility>
+
 namespace cairn {
 namespace bullet {
 namespace {
 
 constexpr int kTx = 0, kRx = 3, kRz = 5;
 
-void lock(JointShape& shape, int axis) { shape.axes[axis] = CAIRN_AXIS_LOCKED; }
+void lock(AxisShape& axis) { axis.flags = CAIRN_AXIS_LOCKED; }
 
-void drive(JointShape& shape, int axis, btScalar speed, btScalar force) {
-    shape.axes[axis] |= CAIRN_AXIS_DRIVEN;
-    shape.motorSpeed[axis] = speed;
-    shape.motorForce[axis] = force;
+void drive(AxisShape& axis, btScalar speed, btScalar force) {
+    axis.flags |= CAIRN_AXIS_DRIVEN;
+    axis.motorSpeed = speed;
+    axis.motorForce = force;
 }
 
 // To target at rate times what is missing, no faster than speed.
-void serve(JointShape& shape, int axis, btScalar target, btScalar rate, btScalar speed, btScalar force, btScalar stiffness) {
-    drive(shape, axis, btFabs(speed), force);
-    shape.axes[axis] |= CAIRN_AXIS_SERVO;
-    shape.motorTarget[axis] = target;
-    shape.motorRate[axis] = rate;
-    shape.motorStiffness[axis] = stiffness;
+void serve(AxisShape& axis, btScalar target, btScalar rate, btScalar speed, btScalar force, btScalar stiffness) {
+    drive(axis, btFabs(speed), force);
+    axis.flags |= CAIRN_AXIS_SERVO;
+    axis.servoTarget = target;
+    axis.servoRate = rate;
+    axis.servoStiffness = stiffness;
 }
 
-void spring(JointShape& shape, int axis, btScalar rest, btScalar stiffness, btScalar damping) {
-    shape.spring[axis] = true;
-    shape.springRest[axis] = rest;
-    shape.springStiffness[axis] = btMax(stiffness, btScalar(0));
-    shape.springDamping[axis] = btMax(damping, btScalar(0));
+void spring(AxisShape& axis, btScalar rest, btScalar stiffness, btScalar damping) {
+    axis.hasSpring = true;
+    axis.springRest = rest;
+    axis.springStiffness = btMax(stiffness, btScalar(0));
+    axis.springDamping = btMax(damping, btScalar(0));
 }
 
 // Bullet's convention: lower > upper is free, equal is locked at that value. `sign` -1 turns the axis round.
-void limit(JointShape& shape, int axis, btScalar lower, btScalar upper, btScalar sign) {
+void limit(AxisShape& axis, btScalar lower, btScalar upper, btScalar sign) {
     if (lower > upper)
         return;
     if (lower == upper && lower == btScalar(0)) {
-        lock(shape, axis);
+        lock(axis);
         return;
     }
-    shape.axes[axis] |= CAIRN_AXIS_LIMITED;
-    shape.lower[axis] = sign > 0 ? lower : -upper;
-    shape.upper[axis] = sign > 0 ? upper : -lower;
-}
-
-bool locked(const JointShape& shape, int axis) { return shape.axes[axis] == CAIRN_AXIS_LOCKED; }
-
-// Equal limits leave a motor nothing to do, in Bullet too.
-bool held(const JointShape& shape, int axis) {
-    return locked(shape, axis) || ((shape.axes[axis] & CAIRN_AXIS_LIMITED) && !(shape.lower[axis] < shape.upper[axis]));
+    axis.flags |= CAIRN_AXIS_LIMITED;
+    axis.lower = sign > 0 ? lower : -upper;
+    axis.upper = sign > 0 ? upper : -lower;
 }
 
 // 1 / effective mass of an axis of a's frame, at b's pivot.
@@ -78,15 +73,15 @@ btScalar inverseMass(const btTypedConstraint& joint, const JointShape& shape, in
 // A locked axis with a cfm of its own. Stock's row, J v + cfm K lambda = -erp C / dt, is the implicit spring and damper
 // k = erp / (dt^2 cfm K), c = (1 - erp) / (dt cfm K), K = J M^-1 J^T.
 void soften(const btTypedConstraint& joint, JointShape& shape, int axis, btScalar erp, btScalar cfm, btScalar dt) {
-    if (!(cfm > btScalar(0)) || !held(shape, axis))
+    if (!(cfm > btScalar(0)) || !shape.axes[axis].held())
         return;
     const btScalar compliance = cfm * inverseMass(joint, shape, axis) * dt;
     if (!(compliance > btScalar(0)))
         return;
     erp = btMin(btMax(erp, btScalar(0)), btScalar(1));
-    const btScalar rest = locked(shape, axis) ? btScalar(0) : shape.lower[axis];
-    shape.axes[axis] = CAIRN_AXIS_FREE;
-    spring(shape, axis, rest, erp / (dt * compliance), (btScalar(1) - erp) / compliance);
+    const btScalar rest = shape.axes[axis].locked() ? btScalar(0) : shape.axes[axis].lower;
+    shape.axes[axis].flags = CAIRN_AXIS_FREE;
+    spring(shape.axes[axis], rest, erp / (dt * compliance), (btScalar(1) - erp) / compliance);
 }
 
 // Bounded rows are along the world's axes. A pick may pull from far: its force is to act where the body is held, which is where
@@ -104,7 +99,7 @@ void readPoint(btPoint2PointConstraint& joint, const btContactSolverInfo& info, 
         shape.frameA.setBasis(a.getWorldTransform().getBasis().transpose());
     }
     for (int axis = kTx; axis < kRx; ++axis) {
-        lock(shape, axis);
+        lock(shape.axes[axis]);
         if (joint.getFlags() & BT_P2P_FLAGS_CFM)
             soften(joint, shape, axis, joint.getFlags() & BT_P2P_FLAGS_ERP ? joint.getParam(BT_CONSTRAINT_ERP) : info.m_erp,
                    joint.getParam(BT_CONSTRAINT_CFM), info.m_timeStep);
@@ -129,9 +124,9 @@ void readHinge(btHingeConstraint& joint, btScalar dt, JointShape& shape) {
     shape.frameB = joint.getBFrame();
     if (!joint.getAngularOnly())
         for (int axis = kTx; axis < kRx; ++axis)
-            lock(shape, axis);
-    lock(shape, kRx);
-    lock(shape, kRx + 1);
+            lock(shape.axes[axis]);
+    lock(shape.axes[kRx]);
+    lock(shape.axes[kRx + 1]);
     const btScalar sign = joint.getUseReferenceFrameA() ? btScalar(1) : btScalar(-1);
     btScalar lower = joint.getLowerLimit(), upper = joint.getUpperLimit();
     if (joint.hasLimit() || lower == upper) {
@@ -144,12 +139,12 @@ void readHinge(btHingeConstraint& joint, btScalar dt, JointShape& shape) {
                 lower = -half;
                 upper = half;
             }
-            limit(shape, kRz, lower, upper, sign);
+            limit(shape.axes[kRz], lower, upper, sign);
         }
     }
-    if (joint.getEnableAngularMotor() && !held(shape, kRz))
-        drive(shape, kRz, sign * joint.getMotorTargetVelocity(), joint.getMaxMotorImpulse() / dt);
-    if (shape.axes[kRz]) {
+    if (joint.getEnableAngularMotor() && !shape.axes[kRz].held())
+        drive(shape.axes[kRz], sign * joint.getMotorTargetVelocity(), joint.getMaxMotorImpulse() / dt);
+    if (shape.axes[kRz].flags) {
         shape.reportedAxis = kRz;
         shape.reportedSign = btScalar(-1); // Bullet's row pushes A
     }
@@ -163,17 +158,17 @@ void readSlider(btSliderConstraint& joint, JointShape& shape) {
     shape.frameB = joint.getFrameOffsetB();
     for (int axis = 0; axis < 6; ++axis)
         if (axis != kTx && axis != kRx)
-            lock(shape, axis);
+            lock(shape.axes[axis]);
     const btScalar sign = joint.getUseLinearReferenceFrameA() ? btScalar(1) : btScalar(-1);
-    limit(shape, kTx, joint.getLowerLinLimit(), joint.getUpperLinLimit(), sign);
-    limit(shape, kRx, joint.getLowerAngLimit(), joint.getUpperAngLimit(), btScalar(1));
-    if (joint.getPoweredLinMotor() && !held(shape, kTx))
-        drive(shape, kTx, sign * joint.getTargetLinMotorVelocity(), joint.getMaxLinMotorForce());
-    if (joint.getPoweredAngMotor() && !held(shape, kRx))
-        drive(shape, kRx, -joint.getTargetAngMotorVelocity(), joint.getMaxAngMotorForce());
-    if (shape.axes[kRx] & (CAIRN_AXIS_LIMITED | CAIRN_AXIS_DRIVEN))
+    limit(shape.axes[kTx], joint.getLowerLinLimit(), joint.getUpperLinLimit(), sign);
+    limit(shape.axes[kRx], joint.getLowerAngLimit(), joint.getUpperAngLimit(), btScalar(1));
+    if (joint.getPoweredLinMotor() && !shape.axes[kTx].held())
+        drive(shape.axes[kTx], sign * joint.getTargetLinMotorVelocity(), joint.getMaxLinMotorForce());
+    if (joint.getPoweredAngMotor() && !shape.axes[kRx].held())
+        drive(shape.axes[kRx], -joint.getTargetAngMotorVelocity(), joint.getMaxAngMotorForce());
+    if (shape.axes[kRx].flags & (CAIRN_AXIS_LIMITED | CAIRN_AXIS_DRIVEN))
         shape.reportedAxis = kRx;
-    else if (shape.axes[kTx])
+    else if (shape.axes[kTx].flags)
         shape.reportedAxis = kTx;
     shape.reportedSign = btScalar(-1);
 }
@@ -188,49 +183,49 @@ void readConeTwist(btConeTwistConstraint& joint, btScalar dt, JointShape& shape)
     shape.frameB = shape.swapped ? joint.getAFrame() : joint.getBFrame();
     if (!joint.getAngularOnly())
         for (int axis = kTx; axis < kRx; ++axis)
-            lock(shape, axis);
+            lock(shape.axes[axis]);
     if (joint.isMotorEnabled()) { // towards an orientation of A in B, without limits
         shape.rotation = CAIRN_ROTATION_VECTOR;
         shape.frameA.setBasis(shape.frameA.getBasis() * btMatrix3x3(joint.getMotorTarget()));
         const btScalar impulse = joint.getMaxMotorImpulse();
         for (int axis = kRx; axis <= kRz; ++axis)
-            serve(shape, axis, 0, joint.getBiasFactor() / dt, kInfinity, impulse < btScalar(0) ? kInfinity : impulse / dt, kInfinity);
+            serve(shape.axes[axis], 0, joint.getBiasFactor() / dt, kInfinity, impulse < btScalar(0) ? kInfinity : impulse / dt, kInfinity);
         return;
     }
     const btScalar soft = joint.getLimitSoftness(); // limits act from this share of theirs on
     const btScalar twist = joint.getTwistSpan() * soft, y = joint.getSwingSpan2() * soft, z = joint.getSwingSpan1() * soft;
     if (twist < SIMD_PI)
-        limit(shape, kRx, -twist, twist, btScalar(1));
+        limit(shape.axes[kRx], -twist, twist, btScalar(1));
     if (!holdsY && !holdsZ) {
         shape.rotation = CAIRN_ROTATION_CONE;
         if (y < SIMD_PI || z < SIMD_PI) {
-            shape.axes[kRx + 1] = shape.axes[kRz] = CAIRN_AXIS_LIMITED;
-            shape.upper[kRx + 1] = y;
-            shape.upper[kRz] = z;
+            shape.axes[kRx + 1].flags = shape.axes[kRz].flags = CAIRN_AXIS_LIMITED;
+            shape.axes[kRx + 1].upper = y;
+            shape.axes[kRz].upper = z;
         }
         return;
     }
     if (holdsY)
-        lock(shape, kRx + 1);
+        lock(shape.axes[kRx + 1]);
     else if (y < SIMD_PI)
-        limit(shape, kRx + 1, -y, y, btScalar(1));
+        limit(shape.axes[kRx + 1], -y, y, btScalar(1));
     if (holdsZ)
-        lock(shape, kRz);
+        lock(shape.axes[kRz]);
     else if (z < SIMD_PI)
-        limit(shape, kRz, -z, z, btScalar(1));
+        limit(shape.axes[kRz], -z, z, btScalar(1));
 }
 
 // Both 6-dof types: linear coordinates as ours, linear motors turned round, angles (and their motors) turned round.
 void readLinear(JointShape& shape, int axis, btScalar lower, btScalar upper, bool motor, btScalar speed, btScalar force) {
-    limit(shape, axis, lower, upper, btScalar(1));
-    if (motor && !held(shape, axis))
-        drive(shape, axis, -speed, force);
+    limit(shape.axes[axis], lower, upper, btScalar(1));
+    if (motor && !shape.axes[axis].held())
+        drive(shape.axes[axis], -speed, force);
 }
 
 void readAngular(JointShape& shape, int axis, btScalar lower, btScalar upper, bool motor, btScalar speed, btScalar force) {
-    limit(shape, kRx + axis, lower, upper, btScalar(-1));
-    if (motor && !held(shape, kRx + axis))
-        drive(shape, kRx + axis, -speed, force);
+    limit(shape.axes[kRx + axis], lower, upper, btScalar(-1));
+    if (motor && !shape.axes[kRx + axis].held())
+        drive(shape.axes[kRx + axis], -speed, force);
 }
 
 // The springs of btGeneric6DofSpringConstraint are motors: force at most stiffness times error, speed at most damping / (dt
@@ -245,8 +240,8 @@ void readSixDof(btGeneric6DofConstraint& joint, const btContactSolverInfo& info,
     const auto sprung = [&](int axis) { return springs && springs->isSpringEnabled(axis); };
     const auto addSpring = [&](int axis, btScalar sign) {
         const btScalar stiffness = btFabs(springs->getStiffness(axis));
-        if (!held(shape, axis))
-            serve(shape, axis, sign * springs->getEquilibriumPoint(axis), perForce * springs->getDamping(axis) * stiffness, kInfinity,
+        if (!shape.axes[axis].held())
+            serve(shape.axes[axis], sign * springs->getEquilibriumPoint(axis), perForce * springs->getDamping(axis) * stiffness, kInfinity,
                   kInfinity, stiffness);
     };
     // bits of an axis in getFlags(): own cfm and erp of its limit
@@ -282,21 +277,17 @@ void reorder(JointShape& shape, const int (&order)[3]) {
     shape.frameA.setBasis(old.frameA.getBasis() * axes);
     shape.frameB.setBasis(old.frameB.getBasis() * axes);
     for (int axis = 0; axis < 6; ++axis) {
-        const int from = axis < kRx ? order[axis] : kRx + order[axis - kRx];
-        const bool turned = mirrored && axis % 3 == 2;
-        const btScalar sign = turned ? btScalar(-1) : btScalar(1);
-        shape.axes[axis] = old.axes[from];
-        shape.lower[axis] = turned ? -old.upper[from] : old.lower[from];
-        shape.upper[axis] = turned ? -old.lower[from] : old.upper[from];
-        shape.motorSpeed[axis] = old.axes[from] & CAIRN_AXIS_SERVO ? old.motorSpeed[from] : sign * old.motorSpeed[from];
-        shape.motorForce[axis] = old.motorForce[from];
-        shape.motorTarget[axis] = sign * old.motorTarget[from];
-        shape.motorStiffness[axis] = old.motorStiffness[from];
-        shape.motorRate[axis] = old.motorRate[from];
-        shape.spring[axis] = old.spring[from];
-        shape.springStiffness[axis] = old.springStiffness[from];
-        shape.springDamping[axis] = old.springDamping[from];
-        shape.springRest[axis] = sign * old.springRest[from];
+        AxisShape& to = shape.axes[axis];
+        to = old.axes[axis < kRx ? order[axis] : kRx + order[axis - kRx]];
+        if (!mirrored || axis % 3 != 2)
+            continue;
+        std::swap(to.lower, to.upper);
+        to.lower = -to.lower;
+        to.upper = -to.upper;
+        if (!to.served()) // a servo's is a bound
+            to.motorSpeed = -to.motorSpeed;
+        to.servoTarget = -to.servoTarget;
+        to.springRest = -to.springRest;
     }
 }
 
@@ -308,27 +299,27 @@ void readSixDof2(btGeneric6DofSpring2Constraint& joint, btScalar dt, JointShape&
     for (int i = 0; i < 3; ++i) {
         readLinear(shape, i, linear.m_lowerLimit[i], linear.m_upperLimit[i], linear.m_enableMotor[i] && !linear.m_servoMotor[i],
                    linear.m_targetVelocity[i], linear.m_maxMotorForce[i]);
-        if (linear.m_enableMotor[i] && linear.m_servoMotor[i] && !held(shape, i))
-            serve(shape, i, linear.m_servoTarget[i], linear.m_motorERP[i] / dt, linear.m_targetVelocity[i], linear.m_maxMotorForce[i],
+        if (linear.m_enableMotor[i] && linear.m_servoMotor[i] && !shape.axes[i].held())
+            serve(shape.axes[i], linear.m_servoTarget[i], linear.m_motorERP[i] / dt, linear.m_targetVelocity[i], linear.m_maxMotorForce[i],
                   kInfinity);
-        if (linear.m_enableSpring[i] && !held(shape, i))
-            spring(shape, i, linear.m_equilibriumPoint[i], linear.m_springStiffness[i], linear.m_springDamping[i]);
+        if (linear.m_enableSpring[i] && !shape.axes[i].held())
+            spring(shape.axes[i], linear.m_equilibriumPoint[i], linear.m_springStiffness[i], linear.m_springDamping[i]);
         soften(joint, shape, i, linear.m_stopERP[i], linear.m_stopCFM[i], dt);
 
         const btRotationalLimitMotor2& angular = *joint.getRotationalLimitMotor(i);
         const int axis = kRx + i;
         readAngular(shape, i, angular.m_loLimit, angular.m_hiLimit, angular.m_enableMotor && !angular.m_servoMotor,
                     angular.m_targetVelocity, angular.m_maxMotorForce);
-        if (angular.m_enableMotor && angular.m_servoMotor && !held(shape, axis))
-            serve(shape, axis, -angular.m_servoTarget, angular.m_motorERP / dt, angular.m_targetVelocity, angular.m_maxMotorForce,
+        if (angular.m_enableMotor && angular.m_servoMotor && !shape.axes[axis].held())
+            serve(shape.axes[axis], -angular.m_servoTarget, angular.m_motorERP / dt, angular.m_targetVelocity, angular.m_maxMotorForce,
                   kInfinity);
-        if (angular.m_enableSpring && !held(shape, axis))
-            spring(shape, axis, -angular.m_equilibriumPoint, angular.m_springStiffness, angular.m_springDamping);
+        if (angular.m_enableSpring && !shape.axes[axis].held())
+            spring(shape.axes[axis], -angular.m_equilibriumPoint, angular.m_springStiffness, angular.m_springDamping);
         soften(joint, shape, axis, angular.m_stopERP, angular.m_stopCFM, dt);
     }
     int unlocked = 0;
     for (int axis = kRx; axis <= kRz; ++axis)
-        unlocked += locked(shape, axis) ? 0 : 1;
+        unlocked += shape.axes[axis].locked() ? 0 : 1;
     static const int orders[6][3] = {{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
     if (joint.getRotationOrder() != RO_XYZ && unlocked > 1)
         reorder(shape, orders[joint.getRotationOrder()]);

@@ -61,8 +61,8 @@ void Constraints::gather(btTypedConstraint& constraint, const btContactSolverInf
                            shape.reportedSign, m_tables.rows.size(),   0};
     if (shape.native) {
         bool beside = false;
-        for (int axis = 0; axis < 6; ++axis)
-            beside = beside || (shape.spring[axis] && (shape.axes[axis] & CAIRN_AXIS_DRIVEN));
+        for (const AxisShape& axis : shape.axes)
+            beside = beside || (axis.hasSpring && axis.driven());
         addJoint(shape, false, bodyA, bodyB, key);
         if (beside)
             addJoint(shape, true, bodyA, bodyB, key | 1);
@@ -88,24 +88,24 @@ void Constraints::addJoint(const JointShape& shape, bool beside, int bodyA, int 
     record.maxForce = shape.maxForce;
     m_tables.drives = m_tables.drives || shape.rotation != CAIRN_ROTATION_BY_AXES;
     m_tables.bounded = m_tables.bounded || shape.maxForce < kInfinity;
-    for (int axis = 0; axis < 6; ++axis) {
-        const bool driven = (shape.axes[axis] & CAIRN_AXIS_DRIVEN) != 0;
-        record.axes[axis] = beside ? CAIRN_AXIS_FREE : shape.axes[axis];
-        record.lower[axis] = bound(shape.lower[axis]);
-        record.upper[axis] = bound(shape.upper[axis]);
-        record.motorSpeed[axis] = shape.axes[axis] & CAIRN_AXIS_SERVO ? bound(shape.motorSpeed[axis]) : shape.motorSpeed[axis];
-        record.motorForce[axis] = bound(btFabs(shape.motorForce[axis]));
-        record.target[axis] = shape.motorTarget[axis];
-        record.stiffness[axis] = shape.motorStiffness[axis];
-        record.rate[axis] = shape.motorRate[axis];
-        record.damping[axis] = 0;
-        if (shape.spring[axis] && driven == beside) {
-            record.axes[axis] |= CAIRN_AXIS_SPRING;
-            record.target[axis] = shape.springRest[axis];
-            record.stiffness[axis] = shape.springStiffness[axis];
-            record.damping[axis] = shape.springDamping[axis];
+    for (int i = 0; i < 6; ++i) {
+        const AxisShape& axis = shape.axes[i];
+        record.axes[i] = beside ? CAIRN_AXIS_FREE : axis.flags;
+        record.lower[i] = bound(axis.lower);
+        record.upper[i] = bound(axis.upper);
+        record.motorSpeed[i] = axis.served() ? bound(axis.motorSpeed) : axis.motorSpeed;
+        record.motorForce[i] = bound(btFabs(axis.motorForce));
+        record.target[i] = axis.servoTarget;
+        record.stiffness[i] = axis.servoStiffness;
+        record.rate[i] = axis.servoRate;
+        record.damping[i] = 0;
+        if (axis.hasSpring && axis.driven() == beside) {
+            record.axes[i] |= CAIRN_AXIS_SPRING;
+            record.target[i] = axis.springRest;
+            record.stiffness[i] = axis.springStiffness;
+            record.damping[i] = axis.springDamping;
         }
-        m_tables.drives = m_tables.drives || (record.axes[axis] & (CAIRN_AXIS_SPRING | CAIRN_AXIS_SERVO)) != 0;
+        m_tables.drives = m_tables.drives || (record.axes[i] & (CAIRN_AXIS_SPRING | CAIRN_AXIS_SERVO)) != 0;
     }
 }
 

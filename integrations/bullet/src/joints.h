@@ -16,24 +16,29 @@ namespace bullet {
 
 constexpr btScalar kInfinity = std::numeric_limits<btScalar>::infinity();
 
+// One of a joint's six axes: its limits, its motor or servo and, perhaps besides, its spring.
+struct AxisShape {
+    uint32_t flags = CAIRN_AXIS_FREE;
+    btScalar lower = 0, upper = 0;
+    btScalar motorSpeed = 0, motorForce = 0;
+    btScalar servoTarget = 0, servoStiffness = 0, servoRate = 0;
+    bool hasSpring = false;
+    btScalar springRest = 0, springStiffness = 0, springDamping = 0;
+
+    bool locked() const { return flags == CAIRN_AXIS_LOCKED; }
+    // Equal limits leave a motor nothing to do, in Bullet too.
+    bool held() const { return locked() || ((flags & CAIRN_AXIS_LIMITED) && !(lower < upper)); }
+    bool driven() const { return (flags & CAIRN_AXIS_DRIVEN) != 0; }
+    bool served() const { return (flags & CAIRN_AXIS_SERVO) != 0; }
+};
+
 // A joint of Cairn's without the bodies: frames, axes, limits, motors and springs in Cairn's signs.
 struct JointShape {
     bool native = false;  // else rows
     bool swapped = false; // Cairn's a is Bullet's B
     btTransform frameA = btTransform::getIdentity();
     btTransform frameB = btTransform::getIdentity();
-    uint32_t axes[6] = {0, 0, 0, 0, 0, 0};
-    btScalar lower[6] = {0, 0, 0, 0, 0, 0};
-    btScalar upper[6] = {0, 0, 0, 0, 0, 0};
-    btScalar motorSpeed[6] = {0, 0, 0, 0, 0, 0};
-    btScalar motorForce[6] = {0, 0, 0, 0, 0, 0};
-    btScalar motorTarget[6] = {0, 0, 0, 0, 0, 0}; // of servos, likewise the next two
-    btScalar motorStiffness[6] = {0, 0, 0, 0, 0, 0};
-    btScalar motorRate[6] = {0, 0, 0, 0, 0, 0};
-    bool spring[6] = {false, false, false, false, false, false}; // an axis may have a motor as well
-    btScalar springStiffness[6] = {0, 0, 0, 0, 0, 0};
-    btScalar springDamping[6] = {0, 0, 0, 0, 0, 0};
-    btScalar springRest[6] = {0, 0, 0, 0, 0, 0};
+    AxisShape axes[6];
     uint32_t rotation = CAIRN_ROTATION_BY_AXES;
     btScalar maxForce = kInfinity;
     int reportedAxis = -1;

@@ -9,6 +9,15 @@
 namespace cairn {
 namespace bullet {
 
+template <std::size_t bytes> void prefetch(const void* address) {
+#if defined(__GNUC__)
+    for (std::size_t at = 0; at < bytes; at += 64)
+        __builtin_prefetch(static_cast<const char*>(address) + at);
+#else
+    (void)address;
+#endif
+}
+
 class Loops {
   public:
     // NULL: none, everything runs on the caller.
@@ -31,6 +40,17 @@ class Loops {
             return;
         for (uint32_t i = 0; i < pieces; ++i) // refused before anything ran
             Loop::piece(&loop, i);
+    }
+
+    // Likewise; fetch(i) asks for what body(i) will read, `ahead` calls before it. What is gathered lies scattered over the heap, and was
+    // last seen before the sweeps.
+    template <std::size_t ahead, class Fetch, class Body>
+    void each(std::size_t count, std::size_t grain, const Fetch& fetch, const Body& body) const {
+        each(count, grain, [&](std::size_t i) {
+            if (i + ahead < count)
+                fetch(i + ahead);
+            body(i);
+        });
     }
 
   private:

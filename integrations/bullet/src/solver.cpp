@@ -239,13 +239,12 @@ struct ConstraintSolver::Implementation {
         tables.clear();
         bodies.beginStep();
         constraints.beginStep();
-        for (std::size_t i = 0; i < groupBodies.size(); ++i) {
-            constexpr std::size_t ahead = 8;
-            if (i + ahead < groupBodies.size())
-                prefetch<sizeof(btRigidBody)>(groupBodies[i + ahead]);
-            groupBodies[i]->setCompanionId(-1); // as the stock solver leaves it; the island manager counts on it
-            bodies.indexOf(*groupBodies[i]);
-        }
+        Loops().each<8>(
+            groupBodies.size(), 1024, [&](std::size_t i) { prefetch<sizeof(btRigidBody)>(groupBodies[i]); },
+            [&](std::size_t i) {
+                groupBodies[i]->setCompanionId(-1); // as the stock solver leaves it; the island manager counts on it
+                bodies.indexOf(*groupBodies[i]);
+            });
         for (btTypedConstraint* constraint : groupConstraints)
             constraints.gather(*constraint, info);
         const Loops loops(solver);

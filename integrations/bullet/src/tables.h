@@ -139,16 +139,6 @@ struct Tables {
     }
 };
 
-// What is gathered lies scattered over the heap, and was last seen before the sweeps: the next is asked for while one is at work.
-template <std::size_t bytes> void prefetch(const void* address) {
-#if defined(__GNUC__)
-    for (std::size_t at = 0; at < bytes; at += 64)
-        __builtin_prefetch(static_cast<const char*>(address) + at);
-#else
-    (void)address;
-#endif
-}
-
 inline void store(btScalar (&to)[3], const btVector3& from) {
     to[0] = from.x();
     to[1] = from.y();
