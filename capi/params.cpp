@@ -52,6 +52,7 @@ constexpr RealRange kReals[] = {
     {"max_push_speed", &cairn_params::max_push_speed, 0, kInfinity, true, "> 0 (infinity: no cap)"},
     {"restitution_threshold", &cairn_params::restitution_threshold, 0, kInfinity, false, ">= 0 (infinity: nothing bounces)"},
     {"residual_tolerance", &cairn_params::residual_tolerance, 0, kLargest, false, ">= 0 and finite (0: never stop early)"},
+    {"contact_hertz_floor", &cairn_params::contact_hertz_floor, 0, kLargest, false, ">= 0 and finite (0: contact_hertz as it is)"},
 };
 
 void check_method(std::uint32_t method) {
@@ -117,6 +118,7 @@ cairn_params to_c(const Params& params) {
     c.max_push_speed = params.max_push_speed;
     c.restitution_threshold = params.restitution_threshold;
     c.residual_tolerance = params.residual_tolerance;
+    c.contact_hertz_floor = params.contact_hertz_floor;
     return c;
 }
 
@@ -150,6 +152,7 @@ Params check_params(const cairn_params* given) {
     params.max_push_speed = c.max_push_speed;
     params.restitution_threshold = c.restitution_threshold;
     params.residual_tolerance = c.residual_tolerance;
+    params.contact_hertz_floor = c.contact_hertz_floor;
     return params;
 }
 

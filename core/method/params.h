@@ -39,7 +39,7 @@ struct Params {
     double contact_warm_start, joint_warm_start, relax_share;
     double contact_baumgarte, joint_baumgarte;
     double contact_hertz, contact_damping_ratio, joint_hertz, joint_damping_ratio, hertz_limit, static_hertz_scale;
-    double max_push_speed, restitution_threshold, residual_tolerance;
+    double max_push_speed, restitution_threshold, residual_tolerance, contact_hertz_floor;
 };
 
 Params preset(Method method, Preset preset);

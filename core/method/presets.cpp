@@ -41,6 +41,7 @@ Params preset(Method method, Preset preset) {
     p.hertz_limit = 2;
     p.static_hertz_scale = 2;
     p.max_push_speed = 3;
+    p.contact_hertz_floor = 0.125; // 75 Hz in 10 substeps of 1/60 s; at 0.24 and 10 sweeps a wall of 1000 boxes shakes
     return p;
 }
 

@@ -29,9 +29,10 @@ template <class S> void set_parameters(Frame<S>& frame, const Params& params, do
     frame.joint_warm = static_cast<S>(params.joint_warm_start);
     frame.contact_baumgarte = static_cast<S>(params.contact_baumgarte);
     frame.joint_baumgarte = static_cast<S>(params.joint_baumgarte);
-    frame.contact_omega = omega(params.contact_hertz);
-    frame.contact_omega_static = omega(params.contact_hertz * params.static_hertz_scale);
-    frame.contact_zeta = static_cast<S>(params.contact_damping_ratio);
+    const double stiffer = std::max(params.contact_hertz_floor / (dt / params.substeps) / params.contact_hertz, 1.0);
+    frame.contact_omega = omega(params.contact_hertz * stiffer);
+    frame.contact_omega_static = omega(params.contact_hertz * stiffer * params.static_hertz_scale);
+    frame.contact_zeta = static_cast<S>(params.contact_damping_ratio * stiffer);
     frame.joint_omega = omega(params.joint_hertz);
     frame.joint_zeta = static_cast<S>(params.joint_damping_ratio);
     frame.push_speed = static_cast<S>(std::min(params.max_push_speed, 1e30));

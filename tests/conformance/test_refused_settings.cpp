@@ -96,6 +96,7 @@ TEST_F(RefusedSettings, ParametersOutOfRange) {
     refused(soft, &P::joint_damping_ratio, nan, "params.joint_damping_ratio is nan");
     refused(soft, &P::hertz_limit, 0.0, "params.hertz_limit is 0");
     refused(soft, &P::static_hertz_scale, 0.0, "params.static_hertz_scale is 0");
+    refused(soft, &P::contact_hertz_floor, -0.1, "params.contact_hertz_floor is -0.1");
     refused(tj, &P::max_push_speed, 0.0, "params.max_push_speed is 0");
     refused(tj, &P::restitution_threshold, -1.0, "params.restitution_threshold is -1");
     refused(tj, &P::residual_tolerance, infinity, "params.residual_tolerance is inf");

@@ -69,7 +69,7 @@ WHOLE_PARAMS = (
 REAL_PARAMS = (
     "contact_warm_start joint_warm_start relax_share contact_baumgarte joint_baumgarte contact_hertz "
     "contact_damping_ratio joint_hertz joint_damping_ratio hertz_limit static_hertz_scale max_push_speed "
-    "restitution_threshold residual_tolerance"
+    "restitution_threshold residual_tolerance contact_hertz_floor"
 )
 
 

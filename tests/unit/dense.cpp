@@ -22,10 +22,11 @@ BiasRule BiasRule::of(const cairn_params& p, double dt) {
     rule.baumgarte_contact = biased ? p.contact_baumgarte : 0;
     rule.baumgarte_joint = biased ? p.joint_baumgarte : 0;
     const double limit = p.hertz_limit / rule.h, turn = 2 * std::acos(-1.0);
-    rule.contact_omega = turn * std::min(p.contact_hertz, limit);
-    rule.contact_omega_static = turn * std::min(p.contact_hertz * p.static_hertz_scale, limit);
+    const double hertz = std::max(p.contact_hertz, p.contact_hertz_floor / rule.h);
+    rule.contact_omega = turn * std::min(hertz, limit);
+    rule.contact_omega_static = turn * std::min(hertz * p.static_hertz_scale, limit);
     rule.joint_omega = turn * std::min(p.joint_hertz, limit);
-    rule.contact_zeta = p.contact_damping_ratio;
+    rule.contact_zeta = p.contact_damping_ratio * hertz / p.contact_hertz;
     rule.joint_zeta = p.joint_damping_ratio;
     return rule;
 }

@@ -69,6 +69,7 @@ template <class Params, class Visit> void eachParam(Params& p, Visit visit) {
     visit("max_push_speed", p.max_push_speed);
     visit("restitution_threshold", p.restitution_threshold);
     visit("residual_tolerance", p.residual_tolerance);
+    visit("contact_hertz_floor", p.contact_hertz_floor);
 }
 
 py::dict paramsOf(const World& world) {

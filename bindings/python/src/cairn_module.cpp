@@ -45,6 +45,7 @@ constexpr Number<cairn_params> kParams[] = {
     number("max_push_speed", &cairn_params::max_push_speed),
     number("restitution_threshold", &cairn_params::restitution_threshold),
     number("residual_tolerance", &cairn_params::residual_tolerance),
+    number("contact_hertz_floor", &cairn_params::contact_hertz_floor),
 };
 
 constexpr Number<cairn_statistics> kStatistics[] = {

@@ -302,6 +302,9 @@ typedef struct cairn_params {
     double max_push_speed;           /* m/s, > 0, cap on the speed that pushes overlapping contacts apart; infinity: none */
     double restitution_threshold;    /* m/s, >= 0: slower approaches do not bounce */
     double residual_tolerance;       /* an island stops sweeping when its residual is below; 0: never */
+    double contact_hertz_floor;      /* contact_hertz is at least contact_hertz_floor / substep, and contact_damping_ratio then higher in
+                                        proportion: shorter substeps carry stiffer contacts, which sink less and push out no faster;
+                                        >= 0, 0: contact_hertz as it is */
 } cairn_params;
 
 /* ---- Solver ------------------------------------------------------------------------------------------------------ */
