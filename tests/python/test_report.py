@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cairn import cli, report, report_cache, report_outcome, report_plan, scenes, workers
+from cairn import cli, demo, report, report_cache, report_failures, report_outcome, report_plan, scenes, workers
 from cairn.charts import atlas, error_time, profiles, work_precision
 from cairn.charts.result import Comparison, Measured, Request, Result
 from cairn.recording import SERIES, Recording
@@ -322,7 +322,8 @@ def test_a_report_that_is_killed_goes_on_where_it_stopped(tmp_path: Path, capsys
     text = page.read_text(encoding="utf-8")
     assert text.count("<svg") == 3 and "61 frames of each scene" in text
     loaded = re.findall(r'\b(?:src|href|srcset|data|action|poster)\s*=\s*["\']?([^"\'\s>]+)', text)
-    assert [target for target in loaded if not target.startswith("#")] == []
+    beside = {target for target in loaded if not target.startswith("#")}
+    assert beside == {path.name for path in out.glob("failures-*.html")}
     assert not re.search(r"@import|url\((?!#)|\bfetch\(|XMLHttpRequest|\bimport\(", text)
     names = {path.name for path in out.iterdir()}
     for chart in ("work-precision-tumble", "work-precision-mass-ratio", "profiles"):
@@ -335,6 +336,30 @@ def test_a_report_has_the_maps_of_its_scenes(tmp_path: Path) -> None:
     rows = list(csv.DictReader(io.StringIO((tmp_path / "atlas-overlap.csv").read_text())))
     assert len(rows) == 14 * 5 and {row["state"] for row in rows} <= {SURVIVED, DEGRADED, FAILED}
     assert "61 frames" in page and "NaN: a number not finite" in page
+
+
+def failed(method: str, iterations: int, preset: str | None, frame: int, scene: str = "tumble") -> report_cache.Entry:
+    task = Task(Request(scene, method, iterations, preset), FRAMES)
+    outcome = report_outcome.Outcome(FAILED, EXPLODED, frame)
+    return report_cache.Entry(task, Result(task.request, recording(scene)), outcome, "")
+
+
+def test_of_what_failed_each_family_shows_its_best_run() -> None:
+    sound = replace(failed("tj", 300, "default", 3), outcome=report_outcome.Outcome(SURVIVED))
+    late = failed("pjnj", 10, "default", report_failures.LONGEST + 1)
+    entries = [failed("pj", 10, "paper", 9), failed("pj", 40, "paper", 20), sound, late, failed("stock", 10, None, 5)]
+    found = [(e.task.request.method, e.task.request.iterations) for e in report_failures.chosen(entries)]
+    assert found == [("stock", 10), ("pj", 40)]
+
+
+def test_failures_are_replayed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    groups = [[failed("pj", 10, "paper", 9), failed("tj", 10, "paper", 2)], []]
+    (shown,) = report_failures.write(tmp_path, groups, 1)
+    assert (shown.scene, shown.file, len(shown.takes)) == ("tumble", "failures-tumble.html", 2)
+    page = (tmp_path / shown.file).read_text(encoding="utf-8")
+    assert "__VISER_EMBED_DATA__" in page
+    monkeypatch.setattr(demo, "run_with_bar", None)  # or it would be called
+    assert report_failures.write(tmp_path, groups, 1) == [shown]
 
 
 def test_frames_are_told_once_where_they_are_the_same() -> None:

@@ -1,8 +1,8 @@
 """Speed against accuracy, and where methods fail: what `cairn report` runs, keeps and writes.
 
 Work and precision of every setting of every method in every scene, maps of where methods fail, and performance
-profiles over all scenes: one page, with each chart as PNG and CSV beside it. Every run is kept as soon as it is done;
-what is kept is not run again.
+profiles over all scenes: one page, with each chart as PNG and CSV beside it, and replays of the failures. Every run is
+kept as soon as it is done; what is kept is not run again.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 
-from . import demo, report_cache, report_outcome, report_plan, scenes, workers
+from . import demo, report_cache, report_failures, report_outcome, report_plan, scenes, workers
 from .charts import profiles, style
 from .charts.atlas import atlas
 from .charts.drawn import Drawn
@@ -132,7 +132,12 @@ def parts(
 
 
 def write(
-    out: Path, found: dict[Task, Entry], by_scene: dict[str, list[Task]], maps: Sequence[MapPlan], command: str
+    out: Path,
+    found: dict[Task, Entry],
+    by_scene: dict[str, list[Task]],
+    maps: Sequence[MapPlan],
+    failures: Sequence[report_failures.Shown],
+    command: str,
 ) -> Path:
     """Write index.html, and a PNG and a CSV a chart, into `out`; returns the page's path."""
     conditions = "; ".join(sorted({entry.conditions for entry in found.values()}))
@@ -156,6 +161,16 @@ def write(
                 ],
             }
             for part in made
+        ],
+        failures=[
+            {
+                "scene": one.scene,
+                "file": one.file,
+                "takes": [
+                    {"label": e.task.request.label, "kind": e.outcome.kind, "frame": e.outcome.frame} for e in one.takes
+                ],
+            }
+            for one in failures
         ],
         missing=[
             {"scene": e.task.request.scene, "label": e.task.request.label, "why": e.result.error} for e in missing
@@ -195,8 +210,10 @@ def report(
     by_scene, maps = report_plan.everything(plan, names)
     tasks = [task for some in by_scene.values() for task in some] + [task for one in maps for task in one.tasks]
     found = run(tasks, out / "cache", jobs or demo.available_cores(), resume)
+    groups = [[found[task] for task in some] for some in by_scene.values()]
+    failures = report_failures.write(out, groups, jobs or demo.available_cores())
     print("drawing the charts", flush=True)
-    return write(out, found, by_scene, maps, command)
+    return write(out, found, by_scene, maps, failures, command)
 
 
 __all__ = ["FULL", "QUICK", "Plan", "report", "run", "write"]
