@@ -5,11 +5,13 @@
 #include "config.h"
 #include "cpu/fp_env.h"
 #include "cpu/pool.h"
+#include "evaluate.h"
 #include "gpu/device.h"
 #include "params.h"
 #include "solver.h"
 #include "struct_size.h"
 
+#include <algorithm>
 #include <cstring>
 #include <memory>
 #include <span>
@@ -310,6 +312,38 @@ cairn_status cairn_solver_parallel_for(cairn_solver* solver, uint32_t count, cai
     });
 }
 
+cairn_status cairn_evaluate(const cairn_step* step, const cairn_results* results, cairn_evaluation* whole, cairn_evaluation* islands,
+                            size_t capacity, size_t* island_count, int32_t* body_island) {
+    return guarded([&] {
+        const cairn::FpEnvironment environment;
+        if (whole != nullptr)
+            checked_size(whole);
+        const std::size_t distance = islands != nullptr && capacity > 0 ? checked_size(islands) : 0;
+        KeySet keys(cairn::Hooks{});
+        cairn::Input input;
+        cairn::Outcome outcome;
+        check_evaluation(step, results, keys, input, outcome);
+        const cairn::Evaluated found = cairn::evaluate(input, outcome);
+
+        const std::size_t count = found.islands.size();
+        if (island_count != nullptr)
+            *island_count = count;
+        if (islands != nullptr && capacity < count)
+            refuse(CAIRN_ERROR_BUFFER_TOO_SMALL, "capacity is %zu, but there are %zu islands", capacity, count);
+        if (whole != nullptr)
+            write_struct(whole, found.whole);
+        for (std::size_t i = 0; islands != nullptr && i < count; ++i) {
+            cairn_evaluation island = found.islands[i];
+            island.struct_size = static_cast<std::uint32_t>(distance);
+            std::byte* const to = reinterpret_cast<std::byte*>(islands) + i * distance;
+            std::memset(to, 0, distance); // a newer caller's fields, too
+            std::memcpy(to, &island, std::min(distance, sizeof island));
+        }
+        if (body_island != nullptr && !found.body_island.empty())
+            std::memcpy(body_island, found.body_island.data(), found.body_island.size() * sizeof(std::int32_t));
+    });
+}
+
 const cairn_api* cairn_get_api(uint32_t abi_version) {
     static constexpr cairn_api api = {
         sizeof(cairn_api),
@@ -334,6 +368,7 @@ const cairn_api* cairn_get_api(uint32_t abi_version) {
         cairn_solver_step_async,
         cairn_solver_wait,
         cairn_solver_parallel_for,
+        cairn_evaluate,
     };
     return abi_version == CAIRN_ABI_VERSION ? &api : nullptr;
 }

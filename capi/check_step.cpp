@@ -3,7 +3,9 @@
 #include "check_step.h"
 
 #include "check_tables.h"
+#include "elements.h"
 #include "scene/fields.h"
+#include "scene/pack.h"
 #include "struct_size.h"
 #include "views.h"
 
@@ -116,13 +118,11 @@ void check_time_and_gravity(const cairn_step& step) {
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "step.bodies is NULL: a step needs a table of bodies, with count 0 for none");
 }
 
-} // namespace
-
-void check_step(const cairn_step* given, const cairn_results* given_results, int device, KeySet& keys, Input& input, Output& output) {
+// The step itself and its views; returns the table of bodies, for what may be in place.
+cairn_bodies take_step(const cairn_step* given, int device, Input& input, Inputs& inputs) {
     const cairn_step step = read_struct(given, cairn_step{});
     check_time_and_gravity(step);
     input = Input{};
-    output = Output{};
     input.dt = step.dt;
     for (int c = 0; c < 3; ++c)
         input.gravity[c] = step.gravity[c];
@@ -131,20 +131,73 @@ void check_step(const cairn_step* given, const cairn_results* given_results, int
     const cairn_contacts contacts = read_table(step.contacts, "contacts");
     const cairn_joints joints = read_table(step.joints, "joints");
     const cairn_rows rows = read_table(step.rows, "rows");
-    Inputs inputs;
     take_views(bodies, "bodies", kBodyTable, input.bodies, device, inputs);
     take_views(contacts, "contacts", kContactTable, input.contacts, device, inputs);
     take_views(joints, "joints", kJointTable, input.joints, device, inputs);
     take_views(rows, "rows", kRowTable, input.rows, device, inputs);
+    return bodies;
+}
 
-    if (given_results != nullptr) {
-        const cairn_results results = read_struct(given_results, cairn_results{});
-        if (results.reserved != 0)
-            refuse(CAIRN_ERROR_INVALID_ARGUMENT, "results.reserved is %u: must be 0", results.reserved);
-        take_results(results, bodies, input, inputs, device, output);
-    }
+cairn_results read_results(const cairn_results* given) {
+    const cairn_results results = read_struct(given, cairn_results{});
+    if (results.reserved != 0)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "results.reserved is %u: must be 0", results.reserved);
+    return results;
+}
 
+// Which of a step's results cannot be judged without.
+bool is_needed(const ResultField& field, const Input& input) {
+    if (field.view == &cairn_results::friction_impulse)
+        return input.contacts.friction.present();
+    if (field.view == &cairn_results::torsion_impulse)
+        return input.contacts.rolling_friction.present() || input.contacts.spinning_friction.present();
+    return true;
+}
+
+// Numbers of bodies that cannot move are not looked at: a step does not write them.
+void check_outcome(const ResultField& field, const Column& column, const Input& input) {
+    const std::size_t count = count_of(field.of, input);
+    const Rule& rule = field.view == &cairn_results::orientation ? kUnit : kFinite;
+    if (field.of != Of::bodies)
+        return check_rule(Array{column, "results", field.name, 0, count, field.components}, rule);
+    for (std::size_t i = 0; i < count; ++i)
+        if (is_movable(input.bodies, i))
+            check_rule(Array{column, "results", field.name, i, i + 1, field.components}, rule);
+}
+
+} // namespace
+
+void check_step(const cairn_step* given, const cairn_results* given_results, int device, KeySet& keys, Input& input, Output& output) {
+    Inputs inputs;
+    const cairn_bodies bodies = take_step(given, device, input, inputs);
+    output = Output{};
+    if (given_results != nullptr)
+        take_results(read_results(given_results), bodies, input, inputs, device, output);
     check_elements(input, keys, false);
+}
+
+void check_evaluation(const cairn_step* given, const cairn_results* given_results, KeySet& keys, Input& input, Outcome& outcome) {
+    Inputs inputs;
+    const cairn_bodies bodies = take_step(given, kHostOnly, input, inputs);
+    const cairn_results results = read_results(given_results);
+    outcome = Outcome{};
+    for (const ResultField& field : kResultTable) {
+        const cairn_view& view = results.*field.view;
+        const Extent extent = check_view(
+            view, {"results", field.name, Kind::real, field.components, count_of(field.of, input), is_needed(field, input), kHostOnly});
+        if (!extent.present)
+            continue;
+        for (const Extent& other : inputs)
+            if (field.in_place != nullptr && other.view == &(bodies.*field.in_place) && identical(extent, other))
+                refuse(CAIRN_ERROR_INVALID_ARGUMENT,
+                       "results.%s is in place of bodies.%s: what went into the step is needed, too, so keep a copy of it", field.name,
+                       field.name);
+        outcome.*field.outcome = {static_cast<const std::byte*>(view.data), extent.signed_stride, static_cast<Type>(view.type), false};
+    }
+    check_elements(input, keys, false);
+    for (const ResultField& field : kResultTable)
+        if ((outcome.*field.outcome).present())
+            check_outcome(field, outcome.*field.outcome, input);
 }
 
 void check_elements(const Input& input, KeySet& keys, bool on_device) {

@@ -51,6 +51,10 @@ template <> struct Layout<cairn_statistics> {
     static constexpr const char* name = "cairn_statistics";
     static constexpr FieldGrid grid{offsetof(cairn_statistics, time_total), sizeof(double)};
 };
+template <> struct Layout<cairn_evaluation> {
+    static constexpr const char* name = "cairn_evaluation";
+    static constexpr FieldGrid grid{offsetof(cairn_evaluation, penetration), sizeof(double)};
+};
 template <> struct Layout<cairn_info> {
     static constexpr const char* name = "cairn_info";
     static constexpr FieldGrid grid{offsetof(cairn_info, build), sizeof(const char*)};

@@ -68,6 +68,9 @@ Extent check_view(const cairn_view& view, const Demand& demand) {
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "%s.%s: type is %u, must be %s", table, field, view.type, names_of(demand.kind));
     if (view.device > CAIRN_DEVICE)
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "%s.%s: device is %u, must be CAIRN_HOST (0) or CAIRN_DEVICE (1)", table, field, view.device);
+    if (view.device == CAIRN_DEVICE && demand.device == kHostOnly)
+        refuse(CAIRN_ERROR_UNSUPPORTED, "%s.%s: device is CAIRN_DEVICE, but cairn_evaluate reads host memory alone: pass a copy there",
+               table, field);
     if (view.device == CAIRN_DEVICE && demand.device < 0)
         refuse(CAIRN_ERROR_UNSUPPORTED,
                "%s.%s: device is CAIRN_DEVICE, but this solver runs on the CPU: pass host memory (CAIRN_HOST), or make the solver with "

@@ -16,8 +16,10 @@ struct Demand {
     std::size_t components;
     std::size_t count; // elements
     bool required;
-    int device; // the CUDA device whose memory it may be; -1: none, host memory only
+    int device; // the CUDA device whose memory it may be; or one of the following
 };
+constexpr int kCpuSolver = -1; // host memory: the solver runs on the CPU
+constexpr int kHostOnly = -2;  // host memory, whatever solvers do
 
 // The memory of a checked view: `count` elements of `length` bytes, lowest address first, `stride` (> 0) apart.
 struct Extent {

@@ -134,25 +134,30 @@ struct ResultField {
     const char* name;
     cairn_view cairn_results::*view;
     MutableColumn Output::*column;
+    Column Outcome::*outcome;
     Of of;
     std::size_t components;
     cairn_view cairn_bodies::*in_place;
 };
 
 inline constexpr std::array kResultTable = {
-    ResultField{"position", &cairn_results::position, &Output::position, Of::bodies, 3, &cairn_bodies::position},
-    ResultField{"orientation", &cairn_results::orientation, &Output::orientation, Of::bodies, 4, &cairn_bodies::orientation},
-    ResultField{"linear_velocity", &cairn_results::linear_velocity, &Output::linear_velocity, Of::bodies, 3,
+    ResultField{"position", &cairn_results::position, &Output::position, &Outcome::position, Of::bodies, 3, &cairn_bodies::position},
+    ResultField{"orientation", &cairn_results::orientation, &Output::orientation, &Outcome::orientation, Of::bodies, 4,
+                &cairn_bodies::orientation},
+    ResultField{"linear_velocity", &cairn_results::linear_velocity, &Output::linear_velocity, &Outcome::linear_velocity, Of::bodies, 3,
                 &cairn_bodies::linear_velocity},
-    ResultField{"angular_velocity", &cairn_results::angular_velocity, &Output::angular_velocity, Of::bodies, 3,
+    ResultField{"angular_velocity", &cairn_results::angular_velocity, &Output::angular_velocity, &Outcome::angular_velocity, Of::bodies, 3,
                 &cairn_bodies::angular_velocity},
-    ResultField{"contact_impulse", &cairn_results::contact_impulse, &Output::contact_impulse, Of::contacts, 1, nullptr},
-    ResultField{"friction_impulse", &cairn_results::friction_impulse, &Output::friction_impulse, Of::contacts, 3, nullptr},
-    ResultField{"joint_impulse", &cairn_results::joint_impulse, &Output::joint_impulse, Of::joints, 6, nullptr},
-    ResultField{"row_impulse", &cairn_results::row_impulse, &Output::row_impulse, Of::rows, 1, nullptr},
-    ResultField{"torsion_impulse", &cairn_results::torsion_impulse, &Output::torsion_impulse, Of::contacts, 3, nullptr},
-    ResultField{"joint_linear", &cairn_results::joint_linear, &Output::joint_linear, Of::joints, 3, nullptr},
-    ResultField{"joint_angular", &cairn_results::joint_angular, &Output::joint_angular, Of::joints, 3, nullptr},
+    ResultField{"contact_impulse", &cairn_results::contact_impulse, &Output::contact_impulse, &Outcome::contact_impulse, Of::contacts, 1,
+                nullptr},
+    ResultField{"friction_impulse", &cairn_results::friction_impulse, &Output::friction_impulse, &Outcome::friction_impulse, Of::contacts,
+                3, nullptr},
+    ResultField{"joint_impulse", &cairn_results::joint_impulse, &Output::joint_impulse, &Outcome::joint_impulse, Of::joints, 6, nullptr},
+    ResultField{"row_impulse", &cairn_results::row_impulse, &Output::row_impulse, &Outcome::row_impulse, Of::rows, 1, nullptr},
+    ResultField{"torsion_impulse", &cairn_results::torsion_impulse, &Output::torsion_impulse, &Outcome::torsion_impulse, Of::contacts, 3,
+                nullptr},
+    ResultField{"joint_linear", &cairn_results::joint_linear, &Output::joint_linear, &Outcome::joint_linear, Of::joints, 3, nullptr},
+    ResultField{"joint_angular", &cairn_results::joint_angular, &Output::joint_angular, &Outcome::joint_angular, Of::joints, 3, nullptr},
 };
 
 } // namespace cairn

@@ -118,4 +118,11 @@ struct Output {
     MutableColumn joint_linear, joint_angular;
 };
 
+// The same of a step that is over, to be read.
+struct Outcome {
+    Column position, orientation, linear_velocity, angular_velocity;
+    Column contact_impulse, friction_impulse, joint_impulse, row_impulse, torsion_impulse;
+    Column joint_linear, joint_angular;
+};
+
 } // namespace cairn

@@ -37,20 +37,12 @@ template <class S> class Scene {
     std::uint32_t manifolds = 0, contacts = 0, joints = 0, rows = 0, warm_started = 0;
     bool bounces = false;
 
-  private:
-    void pack_bodies(const Input& input, std::uint32_t substeps);
-    void find_blocks(const Input& input, const Params& params);
-    void find_islands();
-    void lay_out(const Input& input);
-    void assign_slots();
-    bool movable(std::int32_t body) const { return body >= 0 && constants_[static_cast<std::size_t>(body)].movable; }
-
+    // What was packed, in the order of the input: for those who look at a step's constraints without sweeping them.
+    const std::vector<Block>& contact_blocks() const { return contact_blocks_; }
+    const std::vector<Block>& joint_blocks() const { return joint_blocks_; }
+    const std::vector<Block>& raw_blocks() const { return raw_blocks_; }
+    const Group& joint_group(const Block& block) const { return joint_groups_[joint_lane(block) / kGroup]; }
     // The first field of point p of a manifold, of a joint, of row r of a raw block.
-    static S* field_of(S* array, std::uint32_t fields, const std::vector<Group>& groups, std::uint32_t lane, std::uint32_t p) {
-        return fields_of(array, fields, groups[lane / kGroup], p, lane % kGroup);
-    }
-    std::uint32_t joint_lane(const Block& block) const { return block.lane - frame.contact_groups * kGroup; }
-    std::uint32_t raw_lane(const Block& block) const { return joint_lane(block) - frame.joint_groups * kGroup; }
     S* contact_at(const Block& block, std::uint32_t p) const {
         return field_of(frame.contact, kContactFields, contact_groups_, block.lane, p);
     }
@@ -65,6 +57,20 @@ template <class S> class Scene {
     S* joint_at(const Block& block) const { return field_of(frame.joint, kJointFields, joint_groups_, joint_lane(block), 0); }
     S* joint_cold_at(const Block& block) const { return field_of(frame.joint_cold, kJointColdFields, joint_groups_, joint_lane(block), 0); }
     S* raw_at(const Block& block, std::uint32_t r) const { return field_of(frame.raw, kRawFields, raw_groups_, raw_lane(block), r); }
+
+  private:
+    void pack_bodies(const Input& input, std::uint32_t substeps);
+    void find_blocks(const Input& input, const Params& params);
+    void find_islands();
+    void lay_out(const Input& input);
+    void assign_slots();
+    bool movable(std::int32_t body) const { return body >= 0 && constants_[static_cast<std::size_t>(body)].movable; }
+
+    static S* field_of(S* array, std::uint32_t fields, const std::vector<Group>& groups, std::uint32_t lane, std::uint32_t p) {
+        return fields_of(array, fields, groups[lane / kGroup], p, lane % kGroup);
+    }
+    std::uint32_t joint_lane(const Block& block) const { return block.lane - frame.contact_groups * kGroup; }
+    std::uint32_t raw_lane(const Block& block) const { return joint_lane(block) - frame.joint_groups * kGroup; }
 
     Buffer<BodyConstants<S>> constants_;
     Buffer<S> velocity_, iterate_, displacement_, mass_, mass_cross_, slots_;

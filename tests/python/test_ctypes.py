@@ -73,10 +73,29 @@ REAL_PARAMS = (
 )
 
 
+WORST = (
+    "penetration_contact residual_contact gap_joint angle_joint residual_joint angular_residual_joint residual_row "
+    "momentum_body angular_momentum_body"
+)
+QUANTITIES = (
+    "penetration penetration_mean joint_gap joint_gap_mean joint_angle joint_angle_mean contact_residual "
+    "joint_residual joint_angular_residual row_residual relative_residual complementarity coulomb_excess momentum "
+    "angular_momentum momentum_total angular_momentum_total kinetic_energy"
+)
+
+
 class Params(c.Structure):
     _fields_ = (
         *((name, c.c_uint32) for name in WHOLE_PARAMS.split()),
         *((name, c.c_double) for name in REAL_PARAMS.split()),
+    )
+
+
+class Evaluation(c.Structure):
+    _fields_ = (
+        *((name, c.c_uint32) for name in ("struct_size", "bodies", "contacts", "joints", "rows")),
+        *((name, c.c_int32) for name in WORST.split()),
+        *((name, c.c_double) for name in QUANTITIES.split()),
     )
 
 
@@ -104,6 +123,19 @@ class Api(c.Structure):
         ("solver_step_async", c.CFUNCTYPE(Status, Solver, c.POINTER(Step), c.POINTER(Results))),
         ("solver_wait", c.CFUNCTYPE(Status, Solver)),
         ("solver_parallel_for", c.CFUNCTYPE(Status, Solver, c.c_uint32, c.c_void_p, c.c_void_p)),
+        (
+            "evaluate",
+            c.CFUNCTYPE(
+                Status,
+                c.POINTER(Step),
+                c.POINTER(Results),
+                c.POINTER(Evaluation),
+                c.POINTER(Evaluation),
+                c.c_size_t,
+                c.POINTER(c.c_size_t),
+                c.POINTER(c.c_int32),
+            ),
+        ),
     )
 
 
@@ -179,6 +211,30 @@ def test_a_ball_at_rest(api: Any) -> None:
     assert api.solver_split_counts(solver, counts, 1, c.byref(count)) == OK
     assert (count.value, counts[0]) == (1, 1)
     api.solver_destroy(solver)
+
+
+def test_how_good_a_step_was(api: Any) -> None:
+    solver = Solver()
+    assert api.solver_create(None, c.byref(solver)) == OK
+    world = World()
+    for name, values in (("position", [0, 0.5, 0]), ("orientation", [0, 0, 0, 1]), ("angular_velocity", [0, 0, 0])):
+        setattr(world.results, name, view(values))
+    world.results.linear_velocity = view([0, 0, 0])
+    assert api.solver_step(solver, c.byref(world.step), c.byref(world.results)) == OK, api.last_error()
+    api.solver_destroy(solver)
+
+    whole, count, island = Evaluation(struct_size=c.sizeof(Evaluation)), c.c_size_t(), c.c_int32()
+    islands = (Evaluation * 1)(Evaluation(struct_size=c.sizeof(Evaluation)))
+    arguments = c.byref(world.step), c.byref(world.results), c.byref(whole), islands, 1, c.byref(count), c.byref(island)
+    assert api.evaluate(*arguments) == OK, api.last_error()
+    assert (count.value, island.value, whole.contacts) == (1, 0, 1)
+    assert bytes(whole) == bytes(islands[0])
+    assert whole.contact_residual == pytest.approx(0, abs=0.01)
+    assert whole.momentum == pytest.approx(0, abs=1e-6)
+
+    world.impulse.array[0] += 3
+    assert api.evaluate(*arguments) == OK
+    assert (whole.momentum, whole.momentum_body) == (pytest.approx(3, rel=1e-6), 0)
 
 
 def test_a_caller_that_is_older_or_wants_more(api: Any) -> None:

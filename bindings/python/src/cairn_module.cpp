@@ -79,6 +79,47 @@ constexpr Number<cairn_statistics> kStatistics[] = {
     number("time_download", &cairn_statistics::time_download),
 };
 
+// Of cairn_evaluation, its indices apart.
+constexpr Number<cairn_evaluation> kEvaluation[] = {
+    number("bodies", &cairn_evaluation::bodies),
+    number("contacts", &cairn_evaluation::contacts),
+    number("joints", &cairn_evaluation::joints),
+    number("rows", &cairn_evaluation::rows),
+    number("penetration", &cairn_evaluation::penetration),
+    number("penetration_mean", &cairn_evaluation::penetration_mean),
+    number("joint_gap", &cairn_evaluation::joint_gap),
+    number("joint_gap_mean", &cairn_evaluation::joint_gap_mean),
+    number("joint_angle", &cairn_evaluation::joint_angle),
+    number("joint_angle_mean", &cairn_evaluation::joint_angle_mean),
+    number("contact_residual", &cairn_evaluation::contact_residual),
+    number("joint_residual", &cairn_evaluation::joint_residual),
+    number("joint_angular_residual", &cairn_evaluation::joint_angular_residual),
+    number("row_residual", &cairn_evaluation::row_residual),
+    number("relative_residual", &cairn_evaluation::relative_residual),
+    number("complementarity", &cairn_evaluation::complementarity),
+    number("coulomb_excess", &cairn_evaluation::coulomb_excess),
+    number("momentum", &cairn_evaluation::momentum),
+    number("angular_momentum", &cairn_evaluation::angular_momentum),
+    number("momentum_total", &cairn_evaluation::momentum_total),
+    number("angular_momentum_total", &cairn_evaluation::angular_momentum_total),
+    number("kinetic_energy", &cairn_evaluation::kinetic_energy),
+};
+struct Index {
+    const char* name;
+    std::int32_t cairn_evaluation::*index;
+};
+constexpr Index kIndices[] = {
+    {"penetration_contact", &cairn_evaluation::penetration_contact},
+    {"residual_contact", &cairn_evaluation::residual_contact},
+    {"gap_joint", &cairn_evaluation::gap_joint},
+    {"angle_joint", &cairn_evaluation::angle_joint},
+    {"residual_joint", &cairn_evaluation::residual_joint},
+    {"angular_residual_joint", &cairn_evaluation::angular_residual_joint},
+    {"residual_row", &cairn_evaluation::residual_row},
+    {"momentum_body", &cairn_evaluation::momentum_body},
+    {"angular_momentum_body", &cairn_evaluation::angular_momentum_body},
+};
+
 template <class Struct, std::size_t N> py::dict to_dict(const Struct& values, const Number<Struct> (&numbers)[N]) {
     py::dict dict;
     for (const auto& n : numbers) {
@@ -241,6 +282,41 @@ class Solver {
     std::mutex mutex_;
 };
 
+template <class Value, class Member> py::array_t<Value> column_of(const std::vector<cairn_evaluation>& islands, Member member) {
+    py::array_t<Value> column(static_cast<py::ssize_t>(islands.size()));
+    for (std::size_t i = 0; i < islands.size(); ++i) {
+        column.mutable_at(static_cast<py::ssize_t>(i)) = islands[i].*member;
+    }
+    return column;
+}
+
+// (all as a dict of numbers, the islands as one of arrays, each body's island)
+py::tuple evaluate(double dt, std::array<double, 3> gravity, const py::dict& bodies, const py::dict& contacts, const py::dict& joints,
+                   const py::dict& rows, const py::dict& results) {
+    const BorrowedStep borrowed(dt, gravity, bodies, contacts, joints, rows, results, Ordering{}, "results", false);
+    cairn_evaluation whole = {};
+    whole.struct_size = sizeof whole;
+    std::vector<cairn_evaluation> islands(std::size_t{borrowed.bodies.count} + 1); // no more than bodies
+    islands[0].struct_size = sizeof whole;
+    py::array_t<std::int32_t> body_island(static_cast<py::ssize_t>(borrowed.bodies.count));
+    std::int32_t* const each = body_island.mutable_data();
+    std::size_t count = 0;
+    {
+        const py::gil_scoped_release release;
+        check(cairn_evaluate(&borrowed.step, &borrowed.results, &whole, islands.data(), islands.size(), &count, each));
+    }
+    islands.resize(count);
+    py::dict of_all = to_dict(whole, kEvaluation), of_islands;
+    for (const auto& n : kEvaluation) {
+        of_islands[n.name] = n.whole ? py::object(column_of<std::uint32_t>(islands, n.whole)) : column_of<double>(islands, n.real);
+    }
+    for (const Index& n : kIndices) {
+        of_all[n.name] = whole.*(n.index);
+        of_islands[n.name] = column_of<std::int32_t>(islands, n.index);
+    }
+    return py::make_tuple(of_all, of_islands, body_island);
+}
+
 std::string version_text(const std::uint32_t (&version)[3]) {
     return std::to_string(version[0]) + "." + std::to_string(version[1]) + "." + std::to_string(version[2]);
 }
@@ -304,6 +380,8 @@ PYBIND11_MODULE(_cairn, module) {
     module.def("method_names", &method_names);
     module.def("preset", &preset, py::arg("method"), py::arg("preset"));
     module.def("joint_axes", &joint_axes, py::arg("joint"));
+    module.def("evaluate", &evaluate, py::arg("dt"), py::arg("gravity"), py::arg("bodies"), py::arg("contacts"), py::arg("joints"),
+               py::arg("rows"), py::arg("results"));
     py::class_<Solver>(module, "Solver")
         .def(py::init<std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t, std::uintptr_t>(), py::arg("threads"),
              py::arg("instructions"), py::arg("precision"), py::arg("backend"), py::arg("executor"), py::arg("stream"))

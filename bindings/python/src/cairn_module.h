@@ -34,9 +34,11 @@ struct Ordering {
 
 // A step over {field name: array} dicts, which it keeps alive. Nothing is copied. TypeError for an unknown field, a wrong element type
 // or a layout that a view cannot express; ValueError for a wrong shape, a result that cannot be written, or an order that cannot be kept.
+// `results_name`: what they are called in errors; `written`: they are to be written, not read.
 struct BorrowedStep {
     BorrowedStep(double dt, const std::array<double, 3>& gravity, const py::dict& bodies, const py::dict& contacts, const py::dict& joints,
-                 const py::dict& rows, const py::dict& out, const Ordering& ordering);
+                 const py::dict& rows, const py::dict& out, const Ordering& ordering, const char* results_name = "out",
+                 bool written = true);
     BorrowedStep(const BorrowedStep&) = delete; // it points into itself
     BorrowedStep& operator=(const BorrowedStep&) = delete;
 

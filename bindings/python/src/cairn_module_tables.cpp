@@ -237,7 +237,8 @@ Table table_from(const char* table_name, const py::dict& arrays, const std::arra
 } // namespace
 
 BorrowedStep::BorrowedStep(double dt, const std::array<double, 3>& gravity, const py::dict& body_arrays, const py::dict& contact_arrays,
-                           const py::dict& joint_arrays, const py::dict& row_arrays, const py::dict& out, const Ordering& ordering) {
+                           const py::dict& joint_arrays, const py::dict& row_arrays, const py::dict& out, const Ordering& ordering,
+                           const char* results_name, bool written) {
     for (const py::dict& arrays : {body_arrays, contact_arrays, joint_arrays, row_arrays, out}) {
         keep.append(arrays);
     }
@@ -253,8 +254,8 @@ BorrowedStep::BorrowedStep(double dt, const std::array<double, 3>& gravity, cons
             continue;
         }
         py::ssize_t length = static_cast<py::ssize_t>(counts[static_cast<std::size_t>(field.of)]);
-        results.*(field.view) = view_of("out." + std::string(field.name), out[field.name], static_cast<py::ssize_t>(field.components),
-                                        Kind::real, true, ordering, keep, length);
+        results.*(field.view) = view_of(std::string(results_name) + "." + field.name, out[field.name],
+                                        static_cast<py::ssize_t>(field.components), Kind::real, written, ordering, keep, length);
     }
     step = {};
     step.struct_size = sizeof step;

@@ -390,6 +390,64 @@ typedef struct cairn_statistics {
     double time_download;         /* fetching results from it */
 } cairn_statistics;
 
+/* ---- How good was a step? ---------------------------------------------------------------------------------------- */
+
+/* What cairn_evaluate says of an island, or of the whole. In double, from the tables that went into a step of any solver and the results
+ * that came out, against the problem as it was given: the caller's constraints, hard, whatever bias, softness or substeps a method
+ * puts in their place. h = step.dt. Each body's mean twist V over the step is taken from its poses: (x+ - x) / h, and the rotation vector
+ * of q+ q^-1 over h (the shorter turn); bodies that cannot move have the velocity they were given. So steps with and without substeps
+ * are judged alike. Poses of single precision leave their rounding over h in V, in m/s; pass double where that is too much.
+ *
+ * Residuals are natural maps, r = D lambda - P(D lambda - w): 0 exactly where lambda and w obey the row's law; P is the projection on
+ * what lambda may be, D = J M^-1 J^T at the step's start makes a speed of an impulse.
+ * - Contacts: Coulomb's cone K of the coefficient mu, with De Saxce's correction (De Saxce and Feng 1998; Acary and Brogliato 2008):
+ *     r = D lambda - P_K(D lambda - (w + mu |w_t| n)),   w_t = J_t V - surface_velocity,   D = trace(J M^-1 J^T) / 3
+ *   with normal and arms of the step's start, both bodies pushed half way between the surfaces. w_n = (C - C*) / h with C = separation + h J_n V and
+ *   C* what is nearest to C of what a step may do: keep the surfaces in touch, keep or reduce an overlap that was there, or
+ *   part again with restitution times the speed of approach. Overlap itself is what penetration says.
+ * - Joints: locked axes w = (C - C*) / h from the coordinate C at the end and C* nearest to it between 0 and its value at the start: an error may be
+ *   kept or reduced; lambda is free, or within h max_force. Limited axes: the same for each limit, where lambda only pushes back.
+ * - Raw rows: w = J V - rhs, lower <= lambda <= upper; friction rows in a disc (or interval) of friction * |lambda[friction_index]|.
+ * What has a law of its own instead is not in the residuals, though its impulses are in momentum and energy: contacts with stiffness
+ * or damping, rolling and spinning friction, motors, servos and springs of joints and limits of axes that have one, raw rows with compliance,
+ * rows with D = 0. An index is one in the caller's table, the smallest of equals; -1 where its quantity is 0. A mean is over all of the
+ * island's contacts or joints, those without error included; 0 if there are none. */
+typedef struct cairn_evaluation {
+    uint32_t struct_size;
+    uint32_t bodies;                /* that can move; the island's, or all */
+    uint32_t contacts, joints, rows; /* of which a body can move */
+    int32_t penetration_contact;    /* which element has the largest penetration; likewise: */
+    int32_t residual_contact;
+    int32_t gap_joint;
+    int32_t angle_joint;
+    int32_t residual_joint;
+    int32_t angular_residual_joint;
+    int32_t residual_row;
+    int32_t momentum_body;
+    int32_t angular_momentum_body;
+    double penetration;             /* m, of the end's poses: -(separation + n . change of the anchors' distance), >= 0 */
+    double penetration_mean;        /* m */
+    double joint_gap;               /* m, of the end's poses: norm over the translations locked, or limited and violated */
+    double joint_gap_mean;          /* m */
+    double joint_angle;             /* rad, likewise over the rotations, in the joint's coordinates */
+    double joint_angle_mean;        /* rad */
+    double contact_residual;        /* m/s, |r| */
+    double joint_residual;          /* m/s, |r| of a translation */
+    double joint_angular_residual;  /* rad/s, |r| of a rotation */
+    double row_residual;            /* |r| in the row's unit */
+    double relative_residual;       /* 0 ... 1, no unit: all residuals beside all impulses, as energies: e / sqrt(e^2 + i^2), e^2 = sum of
+                                       |r|^2 / D, i^2 = sum of D |lambda|^2, and over bodies of h^2 a . M a, a the external acceleration */
+    double complementarity;         /* J, |lambda_n w_n| of a contact: pushing while apart, or pulling */
+    double coulomb_excess;          /* N s, |lambda_t| - mu lambda_n of a contact, >= 0 (elliptic friction: in the scale of the longer axis) */
+    double momentum;                /* N s, of a body: m |v+ - v - h (external acceleration) - M^-1 (reported impulses)| */
+    double angular_momentum;        /* N m s, likewise: |I+ w+ - I w - ...|, without gyroscopic term |I (w+ - w) - ...|; impulses of contacts
+                                       and rows at the start's arms, of joints at the mean of the start's and the end's. Of joints whose
+                                       axes turn while a step's impulses add up, that turn times the impulse remains in both */
+    double momentum_total;          /* N s, the same changes added as vectors: what came from nowhere */
+    double angular_momentum_total;  /* N m s, likewise about the centre of mass, at the start's positions */
+    double kinetic_energy;          /* J: E+ - E - h (force . (v + v+) / 2 + torque . (w + w+) / 2), what the constraints added; negative: took */
+} cairn_evaluation;
+
 typedef struct cairn_info {
     uint32_t struct_size;
     uint32_t abi_version;
@@ -452,6 +510,19 @@ CAIRN_API cairn_status cairn_solver_load_cache(cairn_solver *solver, const void 
  * floating-point environment: rounding to nearest, subnormals kept. No task may call the solver or throw. */
 CAIRN_API cairn_status cairn_solver_parallel_for(cairn_solver *solver, uint32_t count, cairn_task task, void *argument);
 
+/* How good was this step? `step` is what went in, as it was before the step, `results` what came out, from any solver; both are only read,
+ * in host memory. Required of results: position, orientation and the velocities of bodies (those that cannot move are not read), and
+ * where there are such elements contact_impulse, friction_impulse with contacts.friction, torsion_impulse with rolling or spinning friction,
+ * joint_impulse, joint_linear, joint_angular and row_impulse. Refused like cairn_solver_step's input; also results in place of
+ * their input, which is then gone, and elements of results that are not finite or not unit.
+ * Each output may be NULL. `whole` is all islands together. Islands are sets of movable bodies tied by contacts, joints or rows, numbered by their
+ * first body, as the solver numbers them; `*island_count` is set to how many there are, and they are written if `islands` is not NULL and
+ * `capacity` suffices (else CAIRN_ERROR_BUFFER_TOO_SMALL, nothing else written). islands[0].struct_size must be set: it is the distance of
+ * one island from the next. body_island has room for every body: its island, or -1 if it cannot move.
+ * CAIRN_ERROR_NOT_FINITE if a quantity left the range of numbers. Needs no solver; threads may call it at once. */
+CAIRN_API cairn_status cairn_evaluate(const cairn_step *step, const cairn_results *results, cairn_evaluation *whole,
+                                      cairn_evaluation *islands, size_t capacity, size_t *island_count, int32_t *body_island);
+
 /* Every call above as a table, so that a loader needs one symbol. Grows at its end only; struct_size says how far. */
 typedef struct cairn_api {
     uint32_t struct_size;
@@ -476,6 +547,7 @@ typedef struct cairn_api {
     cairn_status (*solver_step_async)(cairn_solver *, const cairn_step *, const cairn_results *);
     cairn_status (*solver_wait)(cairn_solver *);
     cairn_status (*solver_parallel_for)(cairn_solver *, uint32_t, cairn_task, void *);
+    cairn_status (*evaluate)(const cairn_step *, const cairn_results *, cairn_evaluation *, cairn_evaluation *, size_t, size_t *, int32_t *);
 } cairn_api;
 
 /* NULL if this library does not have that version (pass CAIRN_ABI_VERSION). */
