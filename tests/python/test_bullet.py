@@ -11,7 +11,7 @@ import pytest
 
 from cairn import metrics, scenes
 from cairn.bullet import ALL_METHODS, BulletWorld
-from cairn.scenes.model import Array, Body, Box, Capsule, Joint, Plane, Scene, Sphere
+from cairn.scenes.model import Array, Body, Box, Capsule, Joint, Plane, Scene, Sphere, Wedge
 
 _bullet = pytest.importorskip("cairn._bullet", reason="cairn was built without Bullet")
 _bullet64 = pytest.importorskip("cairn._bullet64", reason="cairn was built without Bullet's double library")
@@ -186,6 +186,62 @@ def test_capsules_lie_on_their_side() -> None:
         for _ in range(60):
             world.step()
         assert world.positions[1, 1] == pytest.approx(0.2, abs=0.01)
+
+
+@pytest.mark.parametrize("method", ["tjsoft", "stock"])
+def test_a_force_pushes_in_every_substep(method: str) -> None:
+    """On its own, beside gravity; a body without one falls as before."""
+    pushed = Body(Sphere(0.1), 2.0, (0, 0, 0), force=(3.0, 0.0, -1.0))
+    world = BulletWorld(Scene("push", "", "", [pushed, Body(Sphere(0.1), 2.0, (9, 0, 0))], dt=0.01), method)
+    for _ in range(10):
+        world.step()
+    np.testing.assert_allclose(world.velocities[:, :3], [[0.15, -0.981, -0.05], [0, -0.981, 0]], rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["tjsoft", "stock"])
+def test_a_removed_body_carries_nothing(method: str) -> None:
+    bodies = [Body(Plane(), 0.0), Body(Box((0.5, 0.5, 0.5)), 1.0, (0, 0.5, 0)), Body(Sphere(0.5), 1.0, (0, 1.5, 0))]
+    joint = Joint("ball", 1, None, (0, 0.5, 0))
+    world = BulletWorld(Scene("removal", "", "", [*bodies, Body(Sphere(0.1), 1.0, (5, 5, 5))], [joint]), method)
+    for _ in range(20):
+        world.step()
+    assert set(world.contacts["body_a"]) | set(world.contacts["body_b"]) >= {2}
+    with pytest.raises(ValueError, match="body 1 is held by a joint"):
+        world.remove(1)
+    world.remove(2)
+    with pytest.raises(ValueError, match="body 2 was removed before"):
+        world.remove(2)
+    last = world.poses[2]
+    for _ in range(5):
+        world.step()
+    np.testing.assert_array_equal(world.poses[2], last)
+    assert not {2} & (set(world.contacts["body_a"]) | set(world.contacts["body_b"]))
+
+
+def test_a_joint_may_start_with_an_error() -> None:
+    """Its two anchors are then as far apart as they were given, in Bullet and in the metrics."""
+    body = Body(Sphere(0.1), 1.0, (1.0, 0, 0), collision_group=-1)
+    joint = Joint("ball", 0, None, (0.75, 0, 0), anchor_b=(0.5, 0, 0))
+    scene = Scene("apart", "", "", [body], [joint], gravity=(0.0, 0.0, 0.0))
+    world = BulletWorld(scene, "tjsoft")
+    assert world.joint_errors[0, 0] == pytest.approx(0.25)
+    assert metrics.joint_errors(scene, world.positions, world.orientations)[0] == pytest.approx([0.25])
+    for _ in range(200):
+        world.step()
+    assert world.joint_errors[0, 0] == pytest.approx(0, abs=1e-4)
+    assert world.positions[0] == pytest.approx([0.75, 0, 0], abs=1e-3)
+
+
+def test_a_wedge_stands_on_its_lower_face() -> None:
+    wedge = Wedge(0.5, 0.3, 0.6, 0.4)
+    scene = Scene("wedge", "", "", [Body(Plane(), 0.0), Body(wedge, 1.0, (0, wedge.centre_height, 0))])
+    world = BulletWorld(scene, "tjsoft")
+    for _ in range(120):
+        world.step()
+    assert world.positions[1] == pytest.approx([0, wedge.centre_height, 0], abs=2e-3)
+    assert abs(world.orientations[1, 3]) == pytest.approx(1, abs=1e-5)
+    with pytest.raises(ValueError, match="at least 4 points, not 3"):
+        world._world.add_hull([(0, 0, 0), (1, 0, 0), (0, 1, 0)], mass=1.0)
 
 
 def test_both_precisions_agree_while_they_can() -> None:

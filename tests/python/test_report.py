@@ -34,7 +34,7 @@ def recording(scene: str, series: dict[str, Any] | None = None, **summary: Any) 
     """A quiet run, some of whose figures and series are given."""
     built = scenes.build(scene)
     figures = dict.fromkeys(KEYS, 0.0) | {"frames": FRAMES, "finite": True, "collapsed_at_frame": None}
-    frames = {name: np.zeros(FRAMES) for name in (*SERIES, *built.quantities)} | (series or {})
+    frames = {name: np.zeros(FRAMES) for name in (*SERIES, *built.quantities, *built.motions)} | (series or {})
     return Recording(figures | summary, frames, {}, np.zeros(0), np.zeros((0, 1, 7)), np.zeros(0), built)
 
 
@@ -177,6 +177,10 @@ def rising(value: float, from_frame: int) -> np.ndarray[Any, Any]:
             FAILED, COLLAPSED, 12,
         ),
         (recording("overlap", max_separation_speed_m_s=3.0), SURVIVED, "", None),
+        (recording("rolling", {"velocity_error_m_s": rising(0.02, 5)}), SURVIVED, "", None),
+        (recording("rolling", {"velocity_error_m_s": rising(0.2, 5)}), DEGRADED, "", None),
+        (recording("rolling", {"velocity_error_m_s": rising(0.4, 5)}), FAILED, COLLAPSED, 5),
+        (recording("card-house", {"top_sinks_m": rising(0.06, 40)}), FAILED, COLLAPSED, 40),
         (
             recording("overlap", {"separation_speed_m_s": rising(7.0, 3)}, max_separation_speed_m_s=7.0),
             FAILED, EXPLODED, 3,

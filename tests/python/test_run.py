@@ -201,3 +201,18 @@ def test_what_run_refuses() -> None:
         run("stack", "tj", frames=0)
     with pytest.raises(ValueError, match="substeps"):
         run("stack", "pj", substeps=2)
+
+
+def test_what_leaves_leaves_in_a_run_too() -> None:
+    recording = run("warm-removal", "pj", iterations=10, frames=6, settings={"side": 2, "layers": 1, "leaves": 3},
+                    keep_poses_every=1)  # fmt: skip
+    plate = recording.poses[:, -1, 1]
+    assert plate[3] < plate[0] and (plate[3:] == plate[3]).all()
+    assert recording.frames["contacts"][-1] < recording.frames["contacts"][2]
+
+
+def test_motions_are_series_of_their_own() -> None:
+    """Once the floor touches in more than the one point that Bullet finds first, the error is small."""
+    recording = run("rolling", "pj", iterations=300, frames=5, dt=0.001, settings={"contact_warm_start": 0.0})
+    errors = recording.frames["velocity_error_m_s"]
+    assert len(errors) == 5 and 0 < errors[-1] < 2e-3

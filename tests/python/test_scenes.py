@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from cairn import scenes
-from cairn.scenes.model import Body, Box, Capsule, Joint, Plane, Sphere
+from cairn.metrics import joint_errors
+from cairn.scenes.model import Body, Box, Capsule, Joint, Plane, Sphere, Wedge
+from cairn.scenes.motion import rolling_accelerations
 from cairn.summary import KEYS
 
 PAPER = ("stack", "stack-1m", "chain", "chain-1m", "overlap", "joints", "crank")
@@ -17,10 +19,12 @@ PAPER = ("stack", "stack-1m", "chain", "chain-1m", "overlap", "joints", "crank")
 @pytest.mark.parametrize("name", scenes.SCENES)
 def test_every_scene(name: str) -> None:
     scene = scenes.build(name)
-    assert (scene.name, scene.dt) == (name, 0.016)
+    assert (scene.name, scene.dt) == (name, 0.01 if name == "kapla" else 0.016)
     if name in PAPER:
         assert (scene.frames, scene.gravity) == (3000, (0.0, -9.81, 0.0))
-    assert scene.failure in KEYS or scene.failure in scene.quantities
+    assert scene.failure in (*KEYS, *scene.quantities, *scene.motions)
+    if scene.tolerance is not None:
+        assert 0 < scene.tolerance[0] < scene.tolerance[1]
     start = {key: value(scene.start_positions, scene.start_orientations) for key, value in scene.quantities.items()}
     assert all(abs(value) < 1e-12 for value in start.values())  # nothing has failed yet
     assert scene.why.endswith((".", "?"))
@@ -208,6 +212,137 @@ def test_windmill() -> None:
     assert blade.position[0] + 1 > min(block.position[0] for block in blocks) > 1  # the blades reach into the stack
 
 
+def test_jeep_bridge() -> None:
+    scene = scenes.build("jeep-bridge")
+    kinds = [joint.kind for joint in scene.joints]
+    assert (kinds.count("fixed"), kinds.count("hinge")) == (42 + 2, 2 + 4)
+    assert [joint.kind for joint in scenes.build("jeep-bridge", hinged=1).joints].count("hinge") == 44 + 4
+    planks = [body for body in scene.bodies if body.name.startswith("plank")]
+    np.testing.assert_allclose(np.diff([plank.position[2] for plank in planks]), 0.911)
+    assert len(planks) == 43 and {plank.mass for plank in planks} == {80.0}
+    named = {body.name: body for body in scene.bodies}
+    jeep, chassis = named["jeep"], named["chassis"]
+    assert jeep.mass + chassis.mass == pytest.approx(1548)
+    centre = (jeep.mass * jeep.position[1] + chassis.mass * chassis.position[1]) / 1548
+    assert jeep.position[1] - centre == pytest.approx(1)
+    wheels = [body for name, body in named.items() if name.startswith("wheel")]
+    assert len(wheels) == 4 and sum(wheel.mass for wheel in wheels) == 4 * 56
+    assert {round(abs(wheel.position[0]), 9) for wheel in wheels} == {0.812}
+    assert wheels[0].position[2] - wheels[2].position[2] == pytest.approx(3.147)
+    assert wheels[0].position[1] - 0.447 == pytest.approx(planks[0].position[1] + 0.142)  # on the road
+    moved = scene.start_positions
+    moved[[4, scene.bodies.index(jeep)]] += [0, -0.02, 3.0]
+    quantities = {name: value(moved, scene.start_orientations) for name, value in scene.quantities.items()}
+    assert quantities == pytest.approx({"progress_m": 3.0, "planks_shake_m": 0.02})
+
+
+def test_stretched_chain_starts_a_spacing_apart() -> None:
+    scene = scenes.build("stretched-chain", links=5)
+    metres, _ = joint_errors(scene, scene.start_positions, scene.start_orientations)
+    np.testing.assert_allclose(metres, [0.05, 0.1, 0.1, 0.1, 0.1])
+    together = scene.start_positions / 2
+    metres, _ = joint_errors(scene, together, scene.start_orientations)
+    np.testing.assert_allclose(metres, 0, atol=1e-12)
+    overshoot = scene.quantities["overshoot_m"]
+    assert overshoot(together, scene.start_orientations) == pytest.approx(0, abs=1e-12)
+    assert overshoot(0.7 * together, scene.start_orientations) == pytest.approx(0.03)
+
+
+def test_card_house_cards_overlap_by_a_hair() -> None:
+    fcl = pytest.importorskip("cairn._fcl", exc_type=ImportError) and pytest.importorskip("cairn.fcl")
+    scene = scenes.build("card-house")
+    assert len(scene.bodies) == 1 + 2 * 15 + 10
+    found = fcl.penetration(scene)
+    assert found.worst == pytest.approx(1e-4, rel=0.1)
+    # Every tent: two feet and an apex; every card across: two tents below it, and its neighbours of the same level.
+    assert found.overlapping >= 3 * 15 + 2 * 10
+    with pytest.raises(ValueError, match="degrees = 40"):
+        scenes.build("card-house", degrees=40)
+
+
+def test_arch_stones_share_their_faces() -> None:
+    fcl = pytest.importorskip("cairn._fcl", exc_type=ImportError) and pytest.importorskip("cairn.fcl")
+    scene = scenes.build("arch")
+    stones = [body for body in scene.bodies if isinstance(body.shape, Wedge)]
+    assert len(stones) == 17 and len(scene.bodies) == 1 + 17 + 4
+    found = fcl.penetration(scene, margin=1e-9)
+    assert found.worst < 1e-12
+    pairs = {tuple(sorted(pair)) for pair in found.pairs.tolist()}
+    assert {(i, i + 1) for i in range(1, 17)} <= pairs and {(0, 1), (0, 17), (9, 18)} <= pairs
+    with pytest.raises(ValueError, match="stones = 16"):
+        scenes.build("arch", stones=16)
+
+
+def test_kapla_is_simbenchmarks() -> None:
+    scene = scenes.build("kapla")
+    blocks = scene.bodies[1:]
+    assert len(blocks) == 102 and scene.frames * scene.dt == pytest.approx(600)
+    for body in blocks:  # their URDF files
+        inertia = (
+            (0.0604166667, 0.0541666667, 0.0104166667)
+            if "base" in body.name
+            else (0.0104166667, 0.0354166667, 0.0416666667)
+        )
+        assert body.inertia == pytest.approx(inertia)
+    assert touching(scene) == pytest.approx(0, abs=1e-12)
+    sunk = scene.start_positions - [0, 0.15, 0]
+    assert scene.quantities["top_sinks_m"](sunk, scene.start_orientations) == pytest.approx(0.15)
+    assert blocks[-1].position[1] == pytest.approx(1.15)
+
+
+def test_rolling_balances_momentum() -> None:
+    """What the accelerations of plate and balls take is what the push has over the floor's friction."""
+    plate, ball = rolling_accelerations(150.0, 0.4)
+    assert 10 * plate + 25 * ball == pytest.approx(150 - 0.4 * 35 * 9.8)
+    assert ball + 2.5 * ball == pytest.approx(plate)  # centre and spin: the surface goes with the plate
+    scene = scenes.build("rolling")
+    assert scene.bodies[0].friction * scene.bodies[1].friction == pytest.approx(0.4)
+    assert scene.bodies[1].friction * scene.bodies[2].friction == pytest.approx(0.8)
+    error = scene.motions["velocity_error_m_s"]
+    velocities = np.zeros((len(scene.bodies), 6))
+    way = np.array([0.5, 0, -math.sqrt(0.75)])
+    velocities[1, :3], velocities[2, :3] = 2 * plate * way, 2 * ball * way
+    assert error(2.0, velocities) == pytest.approx(0, abs=1e-12)
+    velocities[1, 0] += 0.3
+    velocities[2, 1] += 0.4
+    assert error(2.0, velocities) == pytest.approx(0.5)
+    with pytest.raises(ValueError, match="force = 100"):
+        scenes.build("rolling", force=100)
+
+
+def test_squared_depths_count_every_pair() -> None:
+    scene = scenes.build("666", edge=2)
+    squared = scene.quantities["squared_depths_m2"]
+    apart = np.add(scene.start_positions, [0, 10, 0])
+    assert squared(apart, scene.start_orientations) == 0
+    apart[1] = [0, 0.4, 0]  # 0.1 in the floor
+    apart[3] = [0, 0.4 + 0.8, 0]  # 0.2 in the other
+    assert squared(apart, scene.start_orientations) == pytest.approx(0.01 + 0.04)
+
+
+def test_warm_removal_measures_the_jump() -> None:
+    scene = scenes.build("warm-removal", side=2, layers=2)
+    assert [body.removed_at for body in scene.bodies] == [None] * 9 + [120]
+    assert scene.masses[-1] == 100 * scene.masses[1]
+    assert touching(scene) == pytest.approx(0, abs=1e-12)
+    higher = scene.start_positions
+    higher[-1] += [0, 9, 0]  # the plate's does not count
+    higher[4] += [0, 0.2, 0]
+    assert scene.quantities["jump_m"](higher, scene.start_orientations) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(("name", "home"), [("far", "stack"), ("far-chain", "chain")])
+def test_far_is_the_same_elsewhere(name: str, home: str) -> None:
+    scene, origin = scenes.build(name, kilometres=3), scenes.build(home)
+    moves = scene.masses > 0
+    np.testing.assert_allclose(
+        (scene.start_positions - origin.start_positions)[moves], [[3000, 0, 0]] * int(moves.sum())
+    )
+    np.testing.assert_allclose(scene.masses, origin.masses)
+    metres, radians = joint_errors(scene, scene.start_positions, scene.start_orientations)
+    assert max(metres.max(initial=0), radians.max(initial=0)) < 1e-9
+
+
 def test_what_build_refuses() -> None:
     with pytest.raises(ValueError, match="no scene is called 'stak'; there are stack, stack-1m"):
         scenes.build("stak")
@@ -229,6 +364,22 @@ def test_inertia() -> None:
     across, along, _ = Body(Capsule(0.001, 1), 3).inertia
     assert across == pytest.approx(1, rel=1e-2)
     assert along == pytest.approx(0.5 * 3 * 1e-6, rel=1e-2)
+
+
+def test_wedge_by_integration() -> None:
+    """Against a sum over thin slices across its height; without a slope it is a box."""
+    shape = Wedge(0.3, 0.5, 0.8, 0.35)
+    y = (np.arange(20000) + 0.5) / 20000 * shape.height
+    half = shape.half_bottom + (shape.half_top - shape.half_bottom) * y / shape.height
+    weight = half / half.sum()
+    assert np.sum(weight * y) == pytest.approx(shape.centre_height, rel=1e-6)
+    xx, yy, zz = np.sum(weight * half**2 / 3), np.sum(weight * (y - shape.centre_height) ** 2), shape.half_depth**2 / 3
+    assert Body(shape, 2.0).inertia == pytest.approx((2 * (yy + zz), 2 * (xx + zz), 2 * (xx + yy)), rel=1e-6)
+    assert Body(Wedge(0.3, 0.3, 0.8, 0.35), 2.0).inertia == pytest.approx(Body(Box((0.3, 0.4, 0.35)), 2.0).inertia)
+    corners = np.array(shape.vertices)
+    for a, b, c, d in shape.faces:  # flat, and seen from outside
+        normal = np.cross(corners[b] - corners[a], corners[c] - corners[b])
+        assert normal @ corners[a] > 0 and normal @ (corners[d] - corners[a]) == pytest.approx(0)
 
 
 def test_capsule_inertia_by_integration() -> None:

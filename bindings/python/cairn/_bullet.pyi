@@ -33,6 +33,7 @@ class World:
         friction: float = 0.5,
         restitution: float = 0.0,
         group: int = 0,
+        force: Sequence[float] = ...,
     ) -> int: ...
     def add_sphere(
         self,
@@ -47,6 +48,7 @@ class World:
         friction: float = 0.5,
         restitution: float = 0.0,
         group: int = 0,
+        force: Sequence[float] = ...,
     ) -> int: ...
     def add_capsule(
         self,
@@ -62,6 +64,22 @@ class World:
         friction: float = 0.5,
         restitution: float = 0.0,
         group: int = 0,
+        force: Sequence[float] = ...,
+    ) -> int: ...
+    def add_hull(
+        self,
+        points: Sequence[Sequence[float]],
+        *,
+        mass: float,
+        inertia: Sequence[float] | None = None,
+        position: Sequence[float] = ...,
+        orientation: Sequence[float] = ...,
+        linear_velocity: Sequence[float] = ...,
+        angular_velocity: Sequence[float] = ...,
+        friction: float = 0.5,
+        restitution: float = 0.0,
+        group: int = 0,
+        force: Sequence[float] = ...,
     ) -> int: ...
     def add_plane(
         self,
@@ -77,6 +95,7 @@ class World:
         friction: float = 0.5,
         restitution: float = 0.0,
         group: int = 0,
+        force: Sequence[float] = ...,
     ) -> int: ...
     def add_joint(
         self,
@@ -90,6 +109,7 @@ class World:
         motor_force: float = 0.0,
         lower: float = ...,
         upper: float = ...,
+        anchor_b: Sequence[float] | None = None,
     ) -> int: ...
     def add_six_dof(
         self,
@@ -109,6 +129,7 @@ class World:
     def poses(self) -> _Floats: ...
     def velocities(self) -> _Floats: ...
     def set_velocity(self, body: int, linear: Sequence[float], angular: Sequence[float]) -> None: ...
+    def remove_body(self, body: int) -> None: ...
     def contacts(self) -> dict[str, npt.NDArray[np.float64]]: ...
     def joint_errors(self) -> _Floats: ...
     iterations: int

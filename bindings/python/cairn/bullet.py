@@ -18,7 +18,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from .scenes.model import Array, Body, Box, Capsule, Plane, Scene, Sphere
+from .scenes.model import Array, Body, Box, Capsule, Plane, Scene, Sphere, Wedge
 from .solver import INSTRUCTIONS, METHODS, Error, ParamValue, _to_library
 from .solver import preset as preset_of
 
@@ -126,6 +126,7 @@ class BulletWorld:
                 motor_force=joint.motor_force,
                 lower=joint.lower,
                 upper=joint.upper,
+                anchor_b=joint.anchor_b,
             )
 
     @property
@@ -210,6 +211,10 @@ class BulletWorld:
             body, np.asarray(linear, dtype=float).tolist(), np.asarray(angular, dtype=float).tolist()
         )
 
+    def remove(self, body: int) -> None:
+        """Take a body out of the world. It keeps its last pose, at rest. ValueError if a joint holds it."""
+        self._world.remove_body(body)
+
 
 def _stock_substeps(method: str, substeps: int | None) -> int:
     if method == "stock-substeps":
@@ -233,6 +238,7 @@ def _add_body(world: Any, body: Body) -> None:
         "friction": body.friction,
         "restitution": body.restitution,
         "group": body.collision_group,
+        "force": body.force,
     }
     shape = body.shape
     if isinstance(shape, Box):
@@ -241,6 +247,8 @@ def _add_body(world: Any, body: Body) -> None:
         world.add_sphere(shape.radius, **common)
     elif isinstance(shape, Capsule):
         world.add_capsule(shape.radius, shape.half_length, **common)
+    elif isinstance(shape, Wedge):
+        world.add_hull(shape.vertices, **common)
     elif isinstance(shape, Plane):
         world.add_plane(shape.normal, shape.offset, **common)
     else:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Union, cast
 import numpy as np
 import numpy.typing as npt
 
-from .scenes.model import Array, Box, Capsule, Plane, Scene, Shape, Sphere, Vec3
+from .scenes.model import Array, Box, Capsule, Plane, Scene, Shape, Sphere, Vec3, Wedge
 
 if TYPE_CHECKING:
     from ._fcl import Shapes
@@ -96,7 +96,7 @@ def _posed(shapes: Sequence[AnyShape]) -> Shapes:
                 posed.add_capsule(shape.radius, shape.half_length)
             elif isinstance(shape, Plane):
                 posed.add_plane(shape.normal, shape.offset)
-            elif isinstance(shape, Convex):
+            elif isinstance(shape, (Convex, Wedge)):
                 posed.add_convex(shape.vertices, shape.faces)
             else:
                 raise ValueError(f"{shape!r} is a shape that FCL is not given")

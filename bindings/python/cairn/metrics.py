@@ -127,6 +127,8 @@ class JointErrors:
         frames = np.array([joint.frame_at_start() for joint in scene.joints]).reshape(-1, 3, 3)
         anchors = np.array([joint.anchor for joint in scene.joints], dtype=np.float64).reshape(-1, 3)
         self._anchor_a, self._frame_a = self._local(positions, rotations, self._a, anchors, frames)
+        others = [joint.anchor if joint.anchor_b is None else joint.anchor_b for joint in scene.joints]
+        anchors = np.array(others, dtype=np.float64).reshape(-1, 3)
         self._anchor_b, self._frame_b = self._local(positions, rotations, self._b, anchors, frames)
 
     @staticmethod

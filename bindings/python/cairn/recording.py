@@ -10,7 +10,7 @@ import numpy as np
 
 from . import metrics
 from .metrics import SETTLED_FRAME
-from .scenes.model import Array, Body, Box, Capsule, Scene, Sphere
+from .scenes.model import Array, Body, Box, Capsule, Scene, Sphere, Wedge
 from .summary import KEYS, Summary
 
 SERIES = (
@@ -33,7 +33,7 @@ class Recording:
     """A finished run."""
 
     summary: Summary  # the keys of `cairn.summary`, in their order
-    frames: dict[str, Array]  # by name [frames]: SERIES and the scene's own quantities; entry k is after step k + 1
+    frames: dict[str, Array]  # by name [frames]: SERIES and what the scene itself has; entry k is after step k + 1
     stage_ms: dict[str, float]  # ms of a step in each stage of Cairn, median; empty for Bullet's own solver
     residual_trace: Array  # [sweeps] of the step asked for; empty for Bullet's own solver
     poses: Array  # [samples, bodies, 7] positions (m) and orientations (x, y, z, w), the start first
@@ -55,6 +55,8 @@ def _reach(body: Body) -> float:
         return math.inf
     if isinstance(body.shape, Box):
         return min(body.shape.half_extents)
+    if isinstance(body.shape, Wedge):
+        return min(body.shape.half_bottom, body.shape.half_top, body.shape.height / 2, body.shape.half_depth)
     return body.shape.radius if isinstance(body.shape, (Sphere, Capsule)) else math.inf
 
 
@@ -78,7 +80,7 @@ class Judge:
         self.scene = scene
         self.frames = 0
         self.finite = True
-        self.series = {name: np.zeros(frames) for name in (*SERIES, *scene.quantities)}
+        self.series = {name: np.zeros(frames) for name in (*SERIES, *scene.quantities, *scene.motions)}
         self._masses, self._inertias = scene.masses, scene.inertias
         self._reach = np.array([_reach(body) for body in scene.bodies])
         self._joint_errors = metrics.JointErrors(scene)
@@ -129,6 +131,7 @@ class Judge:
             "separation_speed_m_s": metrics.separation_speed(positions, linear, self.scene.neighbours),
             "contacts": len(separations),
             **{name: quantity(positions, orientations) for name, quantity in self.scene.quantities.items()},
+            **self._motions(linear, angular),
         }
         if not metrics.finite(list(values.values())):  # finite velocities, but their energy is not
             self.finite = False
@@ -140,6 +143,10 @@ class Judge:
         if self.scene.rests:
             self._follow(positions)
         return True
+
+    def _motions(self, linear: Array, angular: Array) -> dict[str, float]:
+        time = (self.frames + 1) * self.scene.dt
+        return {name: motion(time, np.hstack([linear, angular])) for name, motion in self.scene.motions.items()}
 
     def _follow(self, positions: Array) -> None:
         if self.frames == SETTLED_FRAME:

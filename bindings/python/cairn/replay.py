@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from .scenes.model import Box, Capsule, Plane, Scene, Shape, Sphere
+from .scenes.model import Box, Capsule, Plane, Scene, Shape, Sphere, Wedge
 
 if TYPE_CHECKING:
     from .recording import Recording
@@ -147,6 +147,8 @@ def _half_size(shape: Shape) -> Array:
         return np.full(3, shape.radius)
     if isinstance(shape, Capsule):
         return np.array([shape.radius, shape.radius + shape.half_length, shape.radius])
+    if isinstance(shape, Wedge):
+        return np.asarray(np.abs(shape.vertices).max(axis=0), dtype=np.float64)
     return np.zeros(3)
 
 
@@ -242,6 +244,10 @@ def _mesh(shape: Shape) -> Any:
         mesh = creation.capsule(height=2 * shape.half_length, radius=shape.radius, count=[24, 24])
         mesh.apply_transform([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # from along z to along y
         return mesh
+    if isinstance(shape, Wedge):
+        from trimesh import Trimesh
+
+        return Trimesh(shape.vertices, [[a, b, c] for a, *rest in shape.faces for b, c in zip(rest, rest[1:])])
     raise TypeError(f"no mesh for {shape!r}")
 
 

@@ -62,14 +62,17 @@ def size_of(scene: Scene) -> float:
 
 
 def limits(scene: Scene) -> Limits:
-    """A scene's: of its anchors' gap, its neighbours' speed, or how far its bodies drift or settle."""
+    """A scene's own, or of its anchors' gap, its neighbours' speed, or how far its bodies drift or settle."""
     moving = scene.start_positions[scene.masses > 0]
     extent = float(np.linalg.norm(np.ptp(moving, axis=0))) + 2 * smallest_reach(scene) + scene.settings.get("radius", 0)
     fall = math.sqrt(2 * float(np.linalg.norm(scene.gravity)) * extent)
     given = max((float(np.linalg.norm(body.linear_velocity)) for body in scene.bodies), default=0.0)
     driven = max((abs(joint.motor_speed) * extent for joint in scene.joints), default=0.0)
-    fastest = _FALL * max(fall + given, driven, _LEAST_SPEED)
+    fastest = _FALL * max(fall + given, scene.fastest or driven, _LEAST_SPEED)
     size = size_of(scene)
+    if scene.tolerance is not None:
+        quantity = measured(scene)
+        return Limits(quantity.title, quantity.unit, *scene.tolerance, COLLAPSED, fastest)
     if scene.neighbours:
         cap = verdict.limit(scene)
         assert cap is not None
@@ -98,7 +101,11 @@ def outcome(recording: Recording) -> Outcome:
             failures.append((int(above[0]) + 1, kind))
 
     first(series["max_speed_m_s"], bounds.speed, EXPLODED)
-    if scene.neighbours:
+    errors: list[float | None]
+    if scene.tolerance is not None:
+        errors = [error_of(recording)] if summary["frames"] else []
+        first(np.abs(series[scene.failure]), bounds.fatal, bounds.fatal_kind)
+    elif scene.neighbours:
         errors = [summary["max_separation_speed_m_s"]]
         first(series["separation_speed_m_s"], bounds.fatal, bounds.fatal_kind)
     elif scene.joints:
@@ -146,6 +153,8 @@ def measured(scene: Scene) -> Measured:
 
 def scale(scene: Scene) -> tuple[float, str]:
     """What a scene's error is divided by for a tolerance that fits all scenes, and what that is."""
+    if scene.tolerance is not None:
+        return 2 * scene.tolerance[1], "twice the error at which it fails"
     unit = measured(scene).unit
     if unit == "m":
         return size_of(scene), "size of a body or link"

@@ -61,6 +61,13 @@ QUICK = Plan(
         "cantilever": {"boxes": 10},
         "bounce": {"balls": 4},
         "666": {"edge": 3},
+        "jeep-bridge": {"planks": 15},
+        "stretched-chain": {"links": 12},
+        "card-house": {"levels": 3},
+        "kapla": {"floors": 3, "bases": 4},
+        "warm-removal": {"side": 3, "layers": 3},
+        "far": {"columns": 3, "layers": 4, "rows": 3},
+        "far-chain": {"links": 20},
     },
     coarse=True,
 )

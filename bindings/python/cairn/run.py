@@ -120,7 +120,11 @@ def run(
     judge = Judge(built, frames)
     poses = [runner.world.poses] if keep_poses_every else []
     pose_frames = [0] if keep_poses_every else []
+    leaving = [(body.removed_at, index) for index, body in enumerate(built.bodies) if body.removed_at is not None]
     for frame in range(frames):
+        for last, index in leaving:
+            if last == frame:
+                runner.world.remove(index)
         if not (runner.step(frame, judge) and judge.finite):
             break
         if keep_poses_every and judge.frames % keep_poses_every == 0:

@@ -179,5 +179,5 @@ def _loop(core: int | None, pipe: Connection) -> None:
             pipe.send(("failed", f"{type(error).__name__}: {error}"))
         else:
             # Without the functions that made its series, which need not be such as can be sent.
-            recording = replace(recording, scene=replace(recording.scene, quantities={}))
+            recording = replace(recording, scene=replace(recording.scene, quantities={}, motions={}))
             pipe.send(("done", Result(request, recording, seconds=time.monotonic() - began)))

@@ -185,7 +185,7 @@ void defineShape(py::class_<World>& type, const char* name, Function function, c
     type.def(name, function, shape..., py::kw_only(), py::arg("mass"), py::arg("inertia") = py::none(), py::arg("position") = Vec3{0, 0, 0},
              py::arg("orientation") = Quat{0, 0, 0, 1}, py::arg("linear_velocity") = Vec3{0, 0, 0},
              py::arg("angular_velocity") = Vec3{0, 0, 0}, py::arg("friction") = 0.5, py::arg("restitution") = 0.0, py::arg("group") = 0,
-             doc);
+             py::arg("force") = Vec3{0, 0, 0}, doc);
 }
 
 } // namespace
@@ -215,37 +215,48 @@ PYBIND11_MODULE(CAIRN_BULLET_MODULE_NAME, m) {
     defineShape(
         world, "add_box",
         [](World& w, const Vec3& size, double mass, const std::optional<Vec3>& inertia, const Vec3& position, const Quat& orientation,
-           const Vec3& linear, const Vec3& angular, double friction, double restitution, int group) {
-            return w.addBox(size, {mass, inertia, position, orientation, linear, angular, friction, restitution, group});
+           const Vec3& linear, const Vec3& angular, double friction, double restitution, int group, const Vec3& force) {
+            return w.addBox(size, {mass, inertia, position, orientation, linear, angular, friction, restitution, group, force});
         },
         "A box; returns its index.", py::arg("half_extents"));
     defineShape(
         world, "add_sphere",
         [](World& w, double radius, double mass, const std::optional<Vec3>& inertia, const Vec3& position, const Quat& orientation,
-           const Vec3& linear, const Vec3& angular, double friction, double restitution, int group) {
-            return w.addSphere(radius, {mass, inertia, position, orientation, linear, angular, friction, restitution, group});
+           const Vec3& linear, const Vec3& angular, double friction, double restitution, int group, const Vec3& force) {
+            return w.addSphere(radius, {mass, inertia, position, orientation, linear, angular, friction, restitution, group, force});
         },
         "A sphere; returns its index.", py::arg("radius"));
     defineShape(
         world, "add_capsule",
         [](World& w, double radius, double halfLength, double mass, const std::optional<Vec3>& inertia, const Vec3& position,
-           const Quat& orientation, const Vec3& linear, const Vec3& angular, double friction, double restitution, int group) {
-            return w.addCapsule(radius, halfLength, {mass, inertia, position, orientation, linear, angular, friction, restitution, group});
+           const Quat& orientation, const Vec3& linear, const Vec3& angular, double friction, double restitution, int group,
+           const Vec3& force) {
+            return w.addCapsule(radius, halfLength,
+                                {mass, inertia, position, orientation, linear, angular, friction, restitution, group, force});
         },
         "A capsule about y; half_length is the cylinder's. Returns its index.", py::arg("radius"), py::arg("half_length"));
     defineShape(
+        world, "add_hull",
+        [](World& w, const std::vector<Vec3>& points, double mass, const std::optional<Vec3>& inertia, const Vec3& position,
+           const Quat& orientation, const Vec3& linear, const Vec3& angular, double friction, double restitution, int group,
+           const Vec3& force) {
+            return w.addHull(points, {mass, inertia, position, orientation, linear, angular, friction, restitution, group, force});
+        },
+        "The convex hull of points about the centre of mass, along the principal axes. Returns its index.", py::arg("points"));
+    defineShape(
         world, "add_plane",
         [](World& w, const Vec3& normal, double offset, double mass, const std::optional<Vec3>& inertia, const Vec3& position,
-           const Quat& orientation, const Vec3& linear, const Vec3& angular, double friction, double restitution, int group) {
-            return w.addPlane(normal, offset, {mass, inertia, position, orientation, linear, angular, friction, restitution, group});
+           const Quat& orientation, const Vec3& linear, const Vec3& angular, double friction, double restitution, int group,
+           const Vec3& force) {
+            return w.addPlane(normal, offset, {mass, inertia, position, orientation, linear, angular, friction, restitution, group, force});
         },
         "The half space normal . x <= offset in the body's axes; mass must be 0. Returns its index.", py::arg("normal"), py::arg("offset"));
 
     world.def(
         "add_joint",
         [](World& w, const std::string& kind, int bodyA, int bodyB, const Vec3& anchor, const Mat3& axes, double motorSpeed,
-           double motorForce, double lower, double upper) {
-            JointSettings joint = {kindOf(kind), bodyA, bodyB, anchor, axes, {}, {}, {}, {}};
+           double motorForce, double lower, double upper, const std::optional<Vec3>& anchorB) {
+            JointSettings joint = {kindOf(kind), bodyA, bodyB, anchor, anchorB.value_or(anchor), axes, {}, {}, {}, {}};
             const std::size_t freeAxis = joint.kind == JointKind::slider ? 0 : 5;
             joint.lower[freeAxis] = lower;
             joint.upper[freeAxis] = upper;
@@ -255,15 +266,16 @@ PYBIND11_MODULE(CAIRN_BULLET_MODULE_NAME, m) {
         },
         py::arg("kind"), py::arg("body_a"), py::arg("body_b"), py::arg("anchor"), py::arg("axes"), py::kw_only(),
         py::arg("motor_speed") = 0.0, py::arg("motor_force") = 0.0, py::arg("lower") = -std::numeric_limits<double>::infinity(),
-        py::arg("upper") = std::numeric_limits<double>::infinity(),
+        py::arg("upper") = std::numeric_limits<double>::infinity(), py::arg("anchor_b") = py::none(),
         "A ball, hinge (about z), slider (along x) or fixed joint. axes: 9 numbers, the frame's world axes as columns of a matrix\n"
-        "given row by row; anchor: a world point; both where the bodies are now. Coordinates and motors: of b relative to a.\n"
+        "given row by row; anchor: a world point; both where the bodies are now. anchor_b: b's, where that is another point: the\n"
+        "joint then starts with an error. Coordinates and motors: of b relative to a.\n"
         "The two bodies no longer collide. Returns the joint's index.");
     world.def(
         "add_six_dof",
         [](World& w, int bodyA, int bodyB, const Vec3& anchor, const Mat3& axes, const Six& lower, const Six& upper, const Six& motorSpeed,
            const Six& motorForce) {
-            return w.addJoint({JointKind::sixDof, bodyA, bodyB, anchor, axes, lower, upper, motorSpeed, motorForce});
+            return w.addJoint({JointKind::sixDof, bodyA, bodyB, anchor, anchor, axes, lower, upper, motorSpeed, motorForce});
         },
         py::arg("body_a"), py::arg("body_b"), py::arg("anchor"), py::arg("axes"), py::arg("lower"), py::arg("upper"), py::kw_only(),
         py::arg("motor_speed") = Six{}, py::arg("motor_force") = Six{},
@@ -289,6 +301,8 @@ PYBIND11_MODULE(CAIRN_BULLET_MODULE_NAME, m) {
         },
         "[bodies, 6]: linear, m/s; angular, rad/s.");
     world.def("set_velocity", &World::setVelocity, py::arg("body"), py::arg("linear"), py::arg("angular"));
+    world.def("remove_body", &World::removeBody, py::arg("body"),
+              "Take a body out of the world. It keeps its index and last pose, at rest. ValueError if a joint holds it.");
     world.def("contacts", &contactsOf,
               "Contact points that the last internal step found at its start: body_a, body_b, separation (m), position (m, on a),\n"
               "normal (from a to b), impulse (N s), friction_impulse (N s, on b).");

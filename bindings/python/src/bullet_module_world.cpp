@@ -189,7 +189,8 @@ struct World::State {
         for (JointState& joint : joints)
             world->removeConstraint(joint.constraint.get());
         for (std::unique_ptr<btRigidBody>& body : bodies)
-            world->removeRigidBody(body.get());
+            if (body->isInWorld())
+                world->removeRigidBody(body.get());
     }
 
     int add(std::unique_ptr<btCollisionShape> shape, const BodySettings& settings) {
@@ -212,6 +213,9 @@ struct World::State {
         if (!sleeping && settings.mass > 0)
             body->setActivationState(DISABLE_DEACTIVATION);
         world->addRigidBody(body.get());
+        const Vec3& force = settings.force;
+        if (settings.mass > 0 && (force[0] != 0 || force[1] != 0 || force[2] != 0)) // as a gravity of its own: on in every substep
+            body->setGravity(world->getGravity() + vector(force) / real(settings.mass));
         shapes.push_back(std::move(shape));
         bodies.push_back(std::move(body));
         return static_cast<int>(bodies.size()) - 1;
@@ -274,6 +278,18 @@ int World::addCapsule(double radius, double halfLength, const BodySettings& sett
     return m_state->add(std::make_unique<btCapsuleShape>(real(radius), real(2 * halfLength)), settings);
 }
 
+int World::addHull(const std::vector<Vec3>& points, const BodySettings& settings) {
+    if (points.size() < 4)
+        throw std::invalid_argument("a hull has at least 4 points, not " + std::to_string(points.size()));
+    auto hull = std::make_unique<btConvexHullShape>();
+    for (const Vec3& point : points)
+        hull->addPoint(vector(point), false);
+    hull->setMargin(0); // Bullet would put it outside the hull
+    hull->recalcLocalAabb();
+    hull->initializePolyhedralFeatures(); // faces are clipped against each other: whole manifolds in one step, as of boxes
+    return m_state->add(std::move(hull), settings);
+}
+
 int World::addPlane(const Vec3& normal, double offset, const BodySettings& settings) {
     if (settings.mass != 0)
         throw std::invalid_argument("a plane cannot move: its mass must be 0");
@@ -286,9 +302,8 @@ int World::addJoint(const JointSettings& settings) {
     btRigidBody& b = s.body(settings.bodyB);
     if (settings.bodyA == settings.bodyB)
         throw std::invalid_argument("a joint needs two bodies, not body " + std::to_string(settings.bodyA) + " twice");
-    const Frame world = {settings.axes, settings.anchor};
-    JointState joint = {nullptr, settings, compose(inverse(s.pose(settings.bodyA)), world),
-                        compose(inverse(s.pose(settings.bodyB)), world)};
+    const Frame atA = {settings.axes, settings.anchor}, atB = {settings.axes, settings.anchorB};
+    JointState joint = {nullptr, settings, compose(inverse(s.pose(settings.bodyA)), atA), compose(inverse(s.pose(settings.bodyB)), atB)};
     const btTransform inA = transform(joint.inA), inB = transform(joint.inB);
     switch (settings.kind) {
     case JointKind::ball:
@@ -405,6 +420,20 @@ void World::setVelocity(int index, const Vec3& linear, const Vec3& angular) {
     btRigidBody& body = m_state->body(index);
     body.setLinearVelocity(vector(linear));
     body.setAngularVelocity(vector(angular));
+}
+
+void World::removeBody(int index) {
+    if (index < 0)
+        throw std::out_of_range("the world cannot be removed");
+    btRigidBody& body = m_state->body(index);
+    for (const JointState& joint : m_state->joints)
+        if (joint.settings.bodyA == index || joint.settings.bodyB == index)
+            throw std::invalid_argument("body " + std::to_string(index) + " is held by a joint");
+    if (!body.isInWorld())
+        throw std::invalid_argument("body " + std::to_string(index) + " was removed before");
+    m_state->world->removeRigidBody(&body);
+    body.setLinearVelocity(btVector3(0, 0, 0));
+    body.setAngularVelocity(btVector3(0, 0, 0));
 }
 
 ContactColumns World::contacts() const {

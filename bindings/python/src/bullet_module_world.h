@@ -30,7 +30,8 @@ struct BodySettings {
     Quat orientation;
     Vec3 linearVelocity, angularVelocity;
     double friction, restitution;
-    int group; // two bodies of the same group other than 0 do not collide; -1: collides with nothing
+    int group;  // two bodies of the same group other than 0 do not collide; -1: collides with nothing
+    Vec3 force; // N, world axes, constant, at the centre of mass
 };
 
 enum class JointKind { ball, hinge, slider, fixed, sixDof };
@@ -39,7 +40,7 @@ enum class JointKind { ball, hinge, slider, fixed, sixDof };
 struct JointSettings {
     JointKind kind;
     int bodyA, bodyB;           // -1: the world
-    Vec3 anchor;                // world point at the start
+    Vec3 anchor, anchorB;       // world points at the start, of a and of b: apart, if the joint starts with an error
     Mat3 axes;                  // world axes of the joint's frame at the start
     Six lower, upper;           // sixDof: equal = locked, lower > upper = free; hinge and slider: the one of the free axis
     Six motorSpeed, motorForce; // force 0: no motor
@@ -59,6 +60,7 @@ class World {
     int addBox(const Vec3& halfExtents, const BodySettings& settings);
     int addSphere(double radius, const BodySettings& settings);
     int addCapsule(double radius, double halfLength, const BodySettings& settings); // about y
+    int addHull(const std::vector<Vec3>& points, const BodySettings& settings);     // convex, about the centre of mass
     int addPlane(const Vec3& normal, double offset, const BodySettings& settings);
     int addJoint(const JointSettings& settings);
 
@@ -70,6 +72,7 @@ class World {
     void poses(double* to) const;      // 7 a body
     void velocities(double* to) const; // 6 a body
     void setVelocity(int body, const Vec3& linear, const Vec3& angular);
+    void removeBody(int body);       // from the world; it keeps its index and its last pose. One that a joint holds is refused
     ContactColumns contacts() const; // as they were found at the start of the last internal step
     // Error of what each joint holds: 2 a joint, m and rad. From the bodies' poses now.
     std::vector<double> jointErrors() const;

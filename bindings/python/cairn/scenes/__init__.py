@@ -9,12 +9,15 @@ from __future__ import annotations
 import inspect
 from typing import Callable
 
+from .bridge import jeep_bridge
+from .buildings import arch, card_house, kapla
 from .chain import chain, chain_1m
-from .heaps import column, hub, inverted, mass_ratio, pile, pyramid
-from .jointed import cantilever, heavy_pendulum, joint_grid, windmill
+from .far import far, far_chain
+from .heaps import column, hub, inverted, mass_ratio, pile, pyramid, warm_removal
+from .jointed import cantilever, heavy_pendulum, joint_grid, stretched_chain, windmill
 from .mechanisms import crank, joints, piston_position
-from .model import Body, Box, Capsule, Joint, Plane, Scene, Sphere
-from .motion import bounce, slope, spheres_666, tumble
+from .model import Body, Box, Capsule, Joint, Plane, Scene, Sphere, Wedge
+from .motion import bounce, rolling, slope, spheres_666, tumble
 from .overlap import overlap
 from .stack import stack, stack_1m
 
@@ -26,6 +29,7 @@ SCENES: dict[str, Callable[..., Scene]] = {
     "overlap": overlap,
     "joints": joints,
     "crank": crank,
+    "jeep-bridge": jeep_bridge,
     "windmill": windmill,
     "column": column,
     "pyramid": pyramid,
@@ -35,10 +39,18 @@ SCENES: dict[str, Callable[..., Scene]] = {
     "pile": pile,
     "heavy-pendulum": heavy_pendulum,
     "joint-grid": joint_grid,
+    "stretched-chain": stretched_chain,
     "cantilever": cantilever,
+    "card-house": card_house,
+    "arch": arch,
+    "kapla": kapla,
     "slope": slope,
+    "rolling": rolling,
     "bounce": bounce,
     "666": spheres_666,
+    "warm-removal": warm_removal,
+    "far": far,
+    "far-chain": far_chain,
     "tumble": tumble,
 }
 
@@ -67,7 +79,7 @@ def build(name: str, /, **settings: float) -> Scene:
 
 
 __all__ = [
-    "SCENES", "Body", "Box", "Capsule", "Joint", "Plane", "Scene", "Sphere",
+    "SCENES", "Body", "Box", "Capsule", "Joint", "Plane", "Scene", "Sphere", "Wedge",
     "build", "chain", "chain_1m", "crank", "joints", "overlap", "piston_position",
     "settings_of", "stack", "stack_1m",
 ]  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -88,6 +89,39 @@ def hub(balls: int = 24, radius: float = 0.1, mass: float = 1.0, plate_mass: flo
     bodies.append(Body(Box((half, radius, half)), plate_mass, (0.0, 3 * radius, 0.0), name="plate"))
     settings = {"balls": balls, "radius": radius, "mass": mass, "plate_mass": plate_mass}
     return Scene("hub", why, "max_penetration_m", bodies, settings=settings)
+
+
+def _jump(positions: Array, _: Array, *, start: Array, boxes: slice) -> float:
+    return max(0.0, float((positions[boxes, 1] - start[boxes, 1]).max()))
+
+
+def warm_removal(
+    side: int = 4, layers: int = 4, ratio: float = 100.0, half_extent: float = 0.5, leaves: int = 120
+) -> Scene:
+    """A block of side x layers x side boxes under a plate `ratio` times heavier than a box, taken away at a frame.
+
+    Boxes of `half_extent` (m) and 1 kg. After frame `leaves` the plate is no longer there, but what the contacts below
+    carried is still what the next solve starts from: `jump_m` is how far a box's centre then rises above its start.
+    """
+    why = "A plate a hundred times heavier than a box leaves the pile below it: do the boxes jump?"
+    bodies = [_floor(0.5)]
+    shape = Box((half_extent, half_extent, half_extent))
+    for layer in range(layers):
+        for row in range(side):
+            for column in range(side):
+                x, z = ((i - (side - 1) / 2) * 2 * half_extent for i in (column, row))
+                place = (x, (2 * layer + 1) * half_extent, z)
+                bodies.append(Body(shape, 1.0, place, name=f"box {column} {layer} {row}"))
+    half = (side * half_extent, half_extent / 2, side * half_extent)
+    height = 2 * layers * half_extent + half[1]
+    bodies.append(Body(Box(half), ratio, (0.0, height, 0.0), name="plate", removed_at=leaves))
+    settings = {"side": side, "layers": layers, "ratio": ratio, "half_extent": half_extent, "leaves": leaves}
+    start = np.array([body.position for body in bodies])
+    quantities = {"jump_m": partial(_jump, start=start, boxes=slice(1, len(bodies) - 1))}
+    return Scene(
+        "warm-removal", why, "jump_m", bodies, frames=300, settings=settings, quantities=quantities,
+        tolerance=(0.1 * half_extent, half_extent),
+    )  # fmt: skip
 
 
 def pile(bodies: int = 1000, size: float = 0.25, mass: float = 1.0, friction: float = 0.5, seed: int = 1) -> Scene:

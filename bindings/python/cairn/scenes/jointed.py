@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from functools import partial
 
+import numpy as np
+
 from .chain import _hanging
-from .model import BALL, FIXED, HINGE, Array, Body, Box, Joint, Plane, Scene, Sphere, Vec3
+from .model import BALL, DT, FIXED, HINGE, Array, Body, Box, Joint, Plane, Scene, Sphere, Vec3
 
 
 def heavy_pendulum(
@@ -68,6 +70,37 @@ def cantilever(boxes: int = 20, half_extent: float = 0.5, mass: float = 1.0) -> 
     settings = {"boxes": boxes, "half_extent": half_extent, "mass": mass}
     quantities = {"sag_m": partial(_tip_sag, start=0.0)}
     return Scene("cantilever", why, "sag_m", bodies, joints, settings=settings, quantities=quantities)
+
+
+def _overshoot(positions: Array, _: Array, *, spacing: float) -> float:
+    gaps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    return max(0.0, spacing - float(gaps.min(initial=spacing)))
+
+
+def stretched_chain(links: int = 40, spacing: float = 0.1, mass: float = 1.0, stretch: float = 2.0) -> Scene:
+    """A chain on ball joints, level and without gravity, whose links are created at `stretch` times their spacing.
+
+    The first is pinned to the world. Every joint starts (stretch - 1) spacings apart and pulls together: `overshoot_m`
+    is by how much two neighbours' centres have come closer than `spacing` (m), the peak speed is `max_speed_m_s`.
+    """
+    if stretch < 1:
+        raise ValueError(f"stretched-chain: stretch = {stretch} must be at least 1")
+    why = "Forty links start at twice their spacing: do the joints pull them together, or past each other?"
+    shape = Box((0.4 * spacing, 0.1 * spacing, 0.1 * spacing))
+    bodies = []
+    joints = []
+    for i in range(links):
+        x = stretch * (i + 0.5) * spacing
+        bodies.append(Body(shape, mass, (x, 0.0, 0.0), name=f"link {i}", collision_group=-1))
+        mine = (x - spacing / 2, 0.0, 0.0)
+        other = (stretch * (i - 0.5) * spacing + spacing / 2, 0.0, 0.0) if i > 0 else (0.0, 0.0, 0.0)
+        joints.append(Joint(BALL, i, i - 1 if i > 0 else None, mine, anchor_b=other))
+    settings = {"links": links, "spacing": spacing, "mass": mass, "stretch": stretch}
+    return Scene(
+        "stretched-chain", why, "overshoot_m", bodies, joints, gravity=(0.0, 0.0, 0.0), frames=600, settings=settings,
+        quantities={"overshoot_m": partial(_overshoot, spacing=spacing)}, tolerance=(0.05 * spacing, 0.5 * spacing),
+        fastest=(stretch - 1) * links * spacing / DT,
+    )  # fmt: skip
 
 
 def windmill(

@@ -47,7 +47,39 @@ class Plane:
     offset: float = 0.0  # m
 
 
-Shape = Union[Box, Sphere, Capsule, Plane]
+@dataclass(frozen=True)
+class Wedge:
+    """A prism along z over a trapezoid that is the same left and right, such as an arch's stone; about its centroid."""
+
+    half_bottom: float  # m, half width along x of the lower face
+    half_top: float  # m, of the upper one
+    height: float  # m, along y
+    half_depth: float  # m, along z
+
+    @property
+    def centre_height(self) -> float:
+        """m, of the centroid above the lower face."""
+        bottom, top = self.half_bottom, self.half_top
+        return self.height * (bottom + 2 * top) / (3 * (bottom + top))
+
+    @property
+    def vertices(self) -> list[Vec3]:
+        """The 8 corners: the lower face's at z > 0 and z < 0, left then right, then the upper face's."""
+        low, high = -self.centre_height, self.height - self.centre_height
+        return [
+            (side * half, y, z)
+            for half, y in ((self.half_bottom, low), (self.half_top, high))
+            for z in (self.half_depth, -self.half_depth)
+            for side in (-1.0, 1.0)
+        ]
+
+    @property
+    def faces(self) -> list[list[int]]:
+        """Indices of corners, counter-clockwise from outside."""
+        return [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+
+
+Shape = Union[Box, Sphere, Capsule, Plane, Wedge]
 
 
 @dataclass
@@ -64,6 +96,8 @@ class Body:
     restitution: float = 0.0  # 0 ... 1; a contact's is the product of its two bodies'
     name: str = ""
     collision_group: int = 0  # two bodies of the same group other than 0 do not collide; -1: collides with nothing
+    force: Vec3 = (0.0, 0.0, 0.0)  # N, constant, world axes, at the centre of mass
+    removed_at: int | None = None  # the frame after which it is taken out of the world; it keeps its last pose
 
     @property
     def inertia(self) -> Vec3:
@@ -78,6 +112,12 @@ class Body:
         if isinstance(shape, Sphere):
             i = 0.4 * m * shape.radius**2
             return (i, i, i)
+        if isinstance(shape, Wedge):
+            bottom, top = 2 * shape.half_bottom, 2 * shape.half_top
+            xx = (bottom**2 + top**2) / 24  # mean squares about the centroid
+            yy = shape.height**2 * (bottom**2 + 4 * bottom * top + top**2) / (18 * (bottom + top) ** 2)
+            zz = shape.half_depth**2 / 3
+            return (m * (yy + zz), m * (xx + zz), m * (xx + yy))
         r, length = shape.radius, 2 * shape.half_length
         ball = 4 / 3 * r  # volumes over pi r^2
         m_cylinder, m_ball = m * length / (length + ball), m * ball / (length + ball)
@@ -107,6 +147,7 @@ class Joint:
     motor_force: float = 0.0  # N m or N, the motor's strongest; 0: no motor; infinity allowed
     lower: float = -math.inf  # rad or m: limits of the free coordinate; none by default
     upper: float = math.inf
+    anchor_b: Vec3 | None = None  # m, b's anchor, where that is another world point: the joint starts with an error
 
     @property
     def limited(self) -> bool:
@@ -130,8 +171,8 @@ class Joint:
 class Scene:
     """Bodies, joints and how to run them.
 
-    `failure` names the one quantity that shows failure: a key of a run's summary (`cairn run --help`) or of
-    `quantities`.
+    `failure` names the one quantity that shows failure: a key of a run's summary (`cairn run --help`), of `quantities`
+    or of `motions`.
     """
 
     name: str
@@ -147,6 +188,12 @@ class Scene:
     settings: dict[str, float] = field(default_factory=dict)  # the sizes that it was built with
     # Further quantities of a frame, by name: functions of positions [bodies, 3] and orientations [bodies, 4].
     quantities: Mapping[str, Callable[[Array, Array], float]] = field(default_factory=dict)
+    # Likewise, of the time (s) and of linear and angular velocities [bodies, 6].
+    motions: Mapping[str, Callable[[float, Array], float]] = field(default_factory=dict)
+    # Of `failure`, in its unit: a run survives up to the first and fails above the second. None: the rules by kind of
+    # scene (piles, joints, neighbours) in `cairn.report_outcome`.
+    tolerance: tuple[float, float] | None = None
+    fastest: float = 0.0  # m/s, what its bodies may rightly reach without falling; 0: what its motors' speeds allow
 
     @property
     def masses(self) -> Array:

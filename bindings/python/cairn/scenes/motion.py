@@ -53,8 +53,11 @@ def bounce(balls: int = 7, radius: float = 0.5, height: float = 2.0, restitution
     return Scene("bounce", why, "energy_change_J", bodies, settings=settings)
 
 
-def spheres_666(edge: int = 6, radius: float = 0.5, mass: float = 10.0, gap: float = 0.05) -> Scene:
-    """edge^3 spheres without friction or bounce fall on each other from a lattice a little askew; radius, gap in m."""
+def spheres_666(edge: int = 6, radius: float = 0.5, mass: float = 10.0, gap: float = 0.05, drop: float = 0.05) -> Scene:
+    """edge^3 spheres without friction or bounce fall on each other from a lattice a little askew; radius, gap in m.
+
+    The lowest fall `drop` (m). `squared_depths_m2` is the sum of the squares of all depths, as in SimBenchmark's "666".
+    """
     why = "216 spheres without friction or bounce drop on each other: how deep do they press into one another?"
     bodies = [Body(Plane(), 0.0, friction=0.0, name="floor")]
     pitch = 2 * radius + gap
@@ -62,10 +65,69 @@ def spheres_666(edge: int = 6, radius: float = 0.5, mass: float = 10.0, gap: flo
         for i in range(edge):
             for j in range(edge):
                 skew = 0.02 * radius * ((layer + 2 * i + 3 * j) % 5 - 2)
-                centre = (i * pitch + skew, radius + gap + layer * pitch, j * pitch - skew)
+                centre = (i * pitch + skew, radius + drop + layer * pitch, j * pitch - skew)
                 bodies.append(Body(Sphere(radius), mass, centre, friction=0.0, name=f"sphere {layer} {i} {j}"))
-    settings = {"edge": edge, "radius": radius, "mass": mass, "gap": gap}
-    return Scene("666", why, "max_penetration_m", bodies, settings=settings, frames=600)
+    settings = {"edge": edge, "radius": radius, "mass": mass, "gap": gap, "drop": drop}
+    quantities = {"squared_depths_m2": partial(_squared_depths, radius=radius)}
+    return Scene("666", why, "max_penetration_m", bodies, settings=settings, frames=600, quantities=quantities)
+
+
+ROLLING_BALLS, ROLLING_BALL, ROLLING_BOX = 25, 1.0, 10.0  # SimBenchmark's: balls, kg of a ball, kg of the box
+ROLLING_GRAVITY = 9.8  # m/s^2, as there
+
+
+def rolling_accelerations(force: float, on_floor: float) -> tuple[float, float]:
+    """m/s^2 of the box and of each ball, which roll on it: the analytic answer of `rolling`.
+
+    force (N) pushes the box, whose friction with the floor is `on_floor`; it must exceed that. A ball's contact force f
+    speeds it up by f / m and its surface by 7/2 f / m, which is the box's acceleration.
+    """
+    n, m, box = ROLLING_BALLS, ROLLING_BALL, ROLLING_BOX
+    slides = force - on_floor * (box + n * m) * ROLLING_GRAVITY
+    contact = slides / box / (3.5 / m + n / box)
+    return 3.5 * contact / m, contact / m
+
+
+def _rolling_error(time: float, velocities: Array, *, box: Array, ball: Array) -> float:
+    errors = velocities[1, :3] - time * box, velocities[2, :3] - time * ball
+    return float(np.sqrt(sum(e @ e for e in errors)))
+
+
+def rolling(force: float = 150.0, degrees: float = 60.0, on_floor: float = 0.4, on_box: float = 0.8) -> Scene:
+    """SimBenchmark's rolling: a plate of 10 kg with 25 balls of 1 kg on it is pushed along the floor.
+
+    force (N) pushes the plate at `degrees` from x towards -z; on_floor and on_box are the coefficients of friction
+    below and above it. It slides while the balls roll without slipping. `velocity_error_m_s` is how far the velocities
+    of the plate and of the first ball are from the analytic ones: the root of the sum of both squares.
+    """
+    accelerations = rolling_accelerations(force, on_floor)
+    if accelerations[0] <= 0:
+        raise ValueError(f"rolling: force = {force} N does not move the plate against a friction of {on_floor}")
+    why = "A plate under 25 balls is pushed across the axes: are its speed and the balls' what the formula says?"
+    angle = math.radians(degrees)
+    way = np.array([math.cos(angle), 0.0, -math.sin(angle)])
+    push = (force * math.cos(angle), 0.0, -force * math.sin(angle))
+    plate = Body(Box((10.0, 0.5, 10.0)), ROLLING_BOX, (0.0, 0.5, 0.0), friction=1.0, name="plate", force=push)
+    bodies = [Body(Plane(), 0.0, friction=on_floor, name="floor"), plate]
+    for i in range(5):
+        for j in range(5):
+            place = (2.0 * i - 4.0, 1.5, 2.0 * j - 4.0)
+            bodies.append(Body(Sphere(0.5), ROLLING_BALL, place, friction=on_box, name=f"ball {i} {j}"))
+    settings = {"force": force, "degrees": degrees, "on_floor": on_floor, "on_box": on_box}
+    motions = {"velocity_error_m_s": partial(_rolling_error, box=accelerations[0] * way, ball=accelerations[1] * way)}
+    gravity = (0.0, -ROLLING_GRAVITY, 0.0)
+    return Scene(
+        "rolling", why, "velocity_error_m_s", bodies, gravity=gravity, frames=250, settings=settings, motions=motions,
+        tolerance=(0.03, 0.3),
+    )  # fmt: skip
+
+
+def _squared_depths(positions: Array, _: Array, *, radius: float) -> float:
+    """m^2, the sum over all pairs of balls, and of balls and the floor, of their depth squared; the floor is body 0."""
+    balls = positions[1:]
+    apart = np.linalg.norm(balls[:, None] - balls[None], axis=2)[np.triu_indices(len(balls), 1)]
+    depths = np.concatenate([np.maximum(2 * radius - apart, 0), np.maximum(radius - balls[:, 1], 0)])
+    return float(depths @ depths)
 
 
 def tumble(speed: float = 5.0, wobble: float = 0.01) -> Scene:
