@@ -57,3 +57,13 @@ def evaluate(
     rows: Mapping[str, Any],
     results: Mapping[str, Any],
 ) -> tuple[dict[str, Any], dict[str, Any], npt.NDArray[np.int32]]: ...
+def sweep_bytes(
+    points: Sequence[float],
+    manifolds: float,
+    joints: float,
+    bodies: float,
+    sides: float,
+    pyramid: bool,
+    manifold_blocks: bool,
+    reduces: bool,
+) -> float: ...

@@ -75,6 +75,13 @@ def _seconds(text: str) -> float:
     return value
 
 
+def _share(text: str) -> float:
+    value = _seconds(text)
+    if value > 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is more than all, 1")
+    return value
+
+
 def _tolerances(text: str) -> list[float]:
     values = [float(part) for part in text.split(",")]
     if not all(0 < value < 1 for value in values):
@@ -312,6 +319,36 @@ def _print_fclib(one: dict[str, Any]) -> None:
     )
 
 
+def _command_simbenchmark(arguments: argparse.Namespace) -> None:
+    from . import simbenchmark
+
+    found = []
+    for request in simbenchmark.SOLVERS:
+        found.append(
+            simbenchmark.figures(
+                request, arguments.steps, arguments.share, lambda text: print(text, file=sys.stderr, flush=True)
+            )
+        )
+    print(simbenchmark.table(found))
+
+
+def _command_features(arguments: argparse.Namespace) -> None:
+    from . import features
+
+    times, machine = None, ""
+    if arguments.times:
+        try:
+            machine, times = features.load_times(Path(arguments.times))
+        except ValueError as error:
+            raise UsageError(str(error)) from None
+    found = features.measure()
+    if arguments.measure:
+        features.save_times(found, Path(arguments.measure))
+    print(features.table(found, times))
+    if machine:
+        print(f"\nTimes: {machine}.")
+
+
 def _add_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("scene", metavar="SCENE", help="a name that `cairn scenes` lists")
@@ -410,6 +447,26 @@ def parser() -> argparse.ArgumentParser:
     problems.add_argument(
         "--json", metavar="FILE", help="write the results as JSON to FILE; - for standard output instead of the table"
     )
+
+    about = "run kapla, 666 and rolling as SimBenchmark does, beside its published figures"
+    epilog = "example:\n  cairn simbenchmark --steps 6000\n\nAll of it takes an hour or two."
+    outside = add("simbenchmark", about, epilog, _command_simbenchmark)
+    outside.add_argument("--steps", type=_positive, default=60_000, metavar="N", help="of kapla, at most (60000)")
+    outside.add_argument(
+        "--share", type=_share, default=1.0, metavar="X", help="of the durations of 666 and rolling (1)"
+    )
+
+    about = "count what each feature of the model costs, with it and without"
+    epilog = (
+        "examples:\n  cairn features\n"
+        "  cairn features --measure features.json   (on a quiet machine)\n"
+        "  cairn features --times features.json\n\n"
+        "Prints Markdown. Of two figures the first is with the feature. Rows, bytes and sweeps are the same on every\n"
+        "machine; TJSoft, default preset, 40 sweeps in 4 substeps, one thread."
+    )
+    parts = add("features", about, epilog, _command_features)
+    parts.add_argument("--measure", metavar="FILE", help="write the times of this run to FILE")
+    parts.add_argument("--times", metavar="FILE", help="show the times that FILE has in a column")
 
     examples = (
         "examples:\n"

@@ -1,6 +1,8 @@
 // The Python module `cairn._cairn`: the C interface with arrays and dicts in place of pointers. cairn/solver.py makes it friendly.
 #include "cairn_module.h"
 
+#include "scene/traffic.h"
+
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -355,6 +357,23 @@ std::array<std::uint32_t, 6> joint_axes(std::uint32_t joint) {
     return axes;
 }
 
+// Of one velocity sweep; points by kind: torsional, special, frictional, smooth.
+double sweep_bytes(const std::array<double, 4>& points, double manifolds, double joints, double bodies, double sides, bool pyramid,
+                   bool manifold_blocks, bool reduces) {
+    cairn::Traffic traffic;
+    for (std::size_t kind = 0; kind < 4; ++kind) {
+        traffic.points[kind] = points[kind];
+    }
+    traffic.manifolds = manifolds;
+    traffic.joints = joints;
+    traffic.bodies = bodies;
+    traffic.movable_sides = sides;
+    traffic.pyramid = pyramid;
+    traffic.manifold_blocks = manifold_blocks;
+    traffic.reduces = reduces;
+    return cairn::sweep_bytes(traffic, false);
+}
+
 } // namespace
 } // namespace cairn_python
 
@@ -382,6 +401,9 @@ PYBIND11_MODULE(_cairn, module) {
     module.def("joint_axes", &joint_axes, py::arg("joint"));
     module.def("evaluate", &evaluate, py::arg("dt"), py::arg("gravity"), py::arg("bodies"), py::arg("contacts"), py::arg("joints"),
                py::arg("rows"), py::arg("results"));
+    module.def("sweep_bytes", &sweep_bytes, py::arg("points"), py::arg("manifolds"), py::arg("joints"), py::arg("bodies"), py::arg("sides"),
+               py::arg("pyramid"), py::arg("manifold_blocks"), py::arg("reduces"),
+               "Bytes that a velocity sweep moves, by core/scene/traffic.h. points: torsional, special, frictional, smooth.");
     py::class_<Solver>(module, "Solver")
         .def(py::init<std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t, std::uintptr_t>(), py::arg("threads"),
              py::arg("instructions"), py::arg("precision"), py::arg("backend"), py::arg("executor"), py::arg("stream"))

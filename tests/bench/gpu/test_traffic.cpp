@@ -64,6 +64,8 @@ class Traffic : public testing::TestWithParam<Variant> {};
 INSTANTIATE_TEST_SUITE_P(Sweeps, Traffic,
                          testing::Values(Variant{"paper", CAIRN_SPLIT_POINT, CAIRN_FRICTION_CONE, CAIRN_ACCELERATION_NONE},
                                          Variant{"pyramid", CAIRN_SPLIT_POINT, CAIRN_FRICTION_PYRAMID, CAIRN_ACCELERATION_NONE},
+                                         Variant{"smooth", CAIRN_SPLIT_POINT, CAIRN_FRICTION_NONE, CAIRN_ACCELERATION_NONE},
+                                         Variant{"smooth_nesterov", CAIRN_SPLIT_POINT, CAIRN_FRICTION_NONE, CAIRN_ACCELERATION_NESTEROV},
                                          Variant{"nesterov", CAIRN_SPLIT_POINT, CAIRN_FRICTION_CONE, CAIRN_ACCELERATION_NESTEROV},
                                          Variant{"manifold", CAIRN_SPLIT_MANIFOLD, CAIRN_FRICTION_CONE, CAIRN_ACCELERATION_NESTEROV}),
                          [](const auto& of) { return std::string(of.param.name); });
