@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from cairn import cli, demo, report, report_cache, report_failures, report_outcome, report_plan, scenes, workers
-from cairn.charts import atlas, error_time, profiles, work_precision
+from cairn.charts import ablation, atlas, error_time, profiles, work_precision
 from cairn.charts.result import Comparison, Measured, Request, Result
 from cairn.recording import SERIES, Recording
 from cairn.report_outcome import COLLAPSED, DEGRADED, EXPLODED, FAILED, NAN, SURVIVED, UNKNOWN
@@ -222,6 +222,55 @@ def test_a_map_shows_every_cell_with_its_failure() -> None:
     rows = list(csv.DictReader(io.StringIO(drawn.csv)))
     assert len(rows) == 6
     assert rows[1] == {"panel": "PJ", "sweeps": "10", "boxes": "9", "state": FAILED, "kind": NAN, "frame": "7"}
+
+
+# ---- Ablations ---------------------------------------------------------------------------------------------------
+
+
+def test_an_effect_is_a_ratio_unless_a_run_fails() -> None:
+    base, worse = result("tjsoft", 2.0, 1e-3, "default"), result("tjsoft", 1.0, 1e-1, "default")
+    fallen = result("tjsoft", 1.0, 1.0, "default", collapsed_at_frame=70)
+    found = ablation.effect(base, worse)
+    assert (found.error, found.time, found.text) == (pytest.approx(100), 0.5, "×100\nt 0.5")
+    assert ablation.effect(worse, base).colour != found.colour != ablation.effect(base, base).colour
+    assert ablation.effect(base, fallen).text == "fails" and ablation.effect(fallen, fallen).text == "both fail"
+    assert ablation.effect(fallen, base).text == "holds\nt 2"
+    exact = result("tjsoft", 2.0, 0.0, "default"), result("tjsoft", 2.0, 1e-9, "default")
+    assert ablation.effect(*exact).error == 1.0  # both below the floor
+
+
+def test_an_ablation_says_what_is_lost() -> None:
+    base = {"stack": result("tjsoft", 2.0, 1e-3, "default")}
+    changed = {
+        "cold": {"stack": result("tjsoft", 2.0, 1.0, "default", collapsed_at_frame=70)},
+        "points": {"stack": result("tjsoft", 1.0, 5e-3, "default")},
+        "pyramid": {"stack": result("tjsoft", 2.0, 1e-3, "default")},
+    }
+    drawn = ablation.ablation(ablation.Ablation("ablation", "title", ["stack"], base, changed, ["a note"]), "machine")
+    assert drawn.notes == [
+        "Makes a scene fail that stands: cold.",
+        "Worst growth of an error by 2 or more: points (×5).",
+        "No error grows by a tenth: pyramid.",
+        "a note",
+    ]
+    rows = list(csv.DictReader(io.StringIO(drawn.csv)))
+    assert [row["option"] for row in rows] == ["cold", "points", "pyramid"]
+    assert [row["fails"] for row in rows] == ["1", "0", "0"] and rows[1]["error_ratio"] == "5"
+    assert "both fail" not in drawn.svg and ">fails<" in drawn.svg
+
+
+def test_ablations_change_one_thing_each() -> None:
+    assert report_plan.ablations(TINY, ["tumble"]) == []
+    for plan in report_plan.ablations(TINY, ["stack", "overlap"]):
+        assert list(plan.base) == ["stack", "overlap"]
+        base = plan.base["stack"]
+        for option, tasks in plan.changed.items():
+            request, task = tasks["stack"].request, base.request
+            options = [name for name, _ in request.changes[len(task.changes) :]]
+            moved = (request.method != task.method, request.preset != task.preset, request.substeps != task.substeps)
+            assert request.iterations == task.iterations
+            assert len(options) == 2 if "damping" in option else len(options) + max(sum(moved), 0) in (1, 2), option
+            assert report_cache.path_of(Path(), tasks["stack"]) != report_cache.path_of(Path(), base), option
 
 
 # ---- The cache ---------------------------------------------------------------------------------------------------

@@ -15,12 +15,13 @@ from pathlib import Path
 
 from . import demo, report_cache, report_failures, report_outcome, report_plan, scenes, workers
 from .charts import profiles, style
+from .charts.ablation import ablation
 from .charts.atlas import atlas
 from .charts.drawn import Drawn
-from .charts.result import Comparison, Request, Result
+from .charts.result import NAMES, Comparison, Request, Result
 from .charts.work_precision import work_precision
 from .report_cache import Entry
-from .report_plan import FULL, QUICK, MapPlan, Plan
+from .report_plan import FULL, QUICK, AblationPlan, MapPlan, Plan
 from .run import build_text
 from .workers import Task
 
@@ -85,7 +86,11 @@ def _frames(counts: Mapping[str, int]) -> str:
 
 
 def parts(
-    found: dict[Task, Entry], by_scene: dict[str, list[Task]], maps: Sequence[MapPlan], footnote: str
+    found: dict[Task, Entry],
+    by_scene: dict[str, list[Task]],
+    maps: Sequence[MapPlan],
+    changes: Sequence[AblationPlan],
+    footnote: str,
 ) -> list[Part]:
     """Draw everything."""
     comparisons, shown, scales = [], [], {}
@@ -118,6 +123,17 @@ def parts(
                 [(plan.scene, "", atlas(plan.map(found), footnote)) for plan in maps],
             )
         )
+    if changes:
+        made.append(
+            Part(
+                "ablations",
+                "Ablations",
+                "One option of the default preset changed at a time, all else as it is: what it does to each scene’s "
+                "error and to the time of a step. ×10: the error is ten times that of the unchanged run; t 0.8: a step "
+                "takes 0.8 of its time. Red is worse, green better, grey the same.",
+                [(NAMES[plan.method], "", ablation(plan.ablation(found), footnote)) for plan in changes],
+            )
+        )
     made.append(
         Part(
             "profiles",
@@ -136,13 +152,14 @@ def write(
     found: dict[Task, Entry],
     by_scene: dict[str, list[Task]],
     maps: Sequence[MapPlan],
+    changes: Sequence[AblationPlan],
     failures: Sequence[report_failures.Shown],
     command: str,
 ) -> Path:
     """Write index.html, and a PNG and a CSV a chart, into `out`; returns the page's path."""
     conditions = "; ".join(sorted({entry.conditions for entry in found.values()}))
     footnote = f"{build_text()}; {conditions}"
-    made = parts(found, by_scene, maps, footnote)
+    made = parts(found, by_scene, maps, changes, footnote)
     for part in made:
         for _, _, drawn in part.charts:
             report_cache.write(out / f"{drawn.name}.png", drawn.png)
@@ -208,12 +225,14 @@ def report(
     for name in names:
         scenes.settings_of(name)
     by_scene, maps = report_plan.everything(plan, names)
-    tasks = [task for some in by_scene.values() for task in some] + [task for one in maps for task in one.tasks]
+    changes = report_plan.ablations(plan, names)
+    tasks = [task for some in by_scene.values() for task in some]
+    tasks += [task for one in maps for task in one.tasks] + [task for one in changes for task in one.tasks]
     found = run(tasks, out / "cache", jobs or demo.available_cores(), resume)
     groups = [[found[task] for task in some] for some in by_scene.values()]
     failures = report_failures.write(out, groups, jobs or demo.available_cores())
     print("drawing the charts", flush=True)
-    return write(out, found, by_scene, maps, failures, command)
+    return write(out, found, by_scene, maps, changes, failures, command)
 
 
 __all__ = ["FULL", "QUICK", "Plan", "report", "run", "write"]

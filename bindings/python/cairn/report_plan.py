@@ -7,10 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from . import report_outcome, scenes
+from .charts.ablation import Ablation
 from .charts.atlas import Cell, Map
 from .charts.result import METHODS, NAMES, PRESETS, Request, family_name
+from .charts.verdict import number
 from .metrics import SETTLED_FRAME
 from .report_cache import Entry
+from .solver import ParamValue
 from .workers import Task
 
 Sizes = Mapping[str, float]
@@ -251,6 +254,90 @@ def overlap(plan: Plan) -> MapPlan:
 
 
 MAPS = {"heavy-pendulum": heavy_pendulum, "column": column, "stack-1m": stack, "overlap": overlap}
+
+
+# ---- Ablations ---------------------------------------------------------------------------------------------------
+
+ABLATED = ("stack", "stack-1m", "chain-1m", "overlap", "pyramid", "inverted", "arch")  # scenes
+
+# One option of the default preset changed at a time: name, parameters.
+_BOTH: Sequence[tuple[str, Mapping[str, ParamValue]]] = (
+    ("no acceleration", {"acceleration": "none"}),
+    ("split by point, not manifold", {"splitting": "point"}),
+    ("contacts start cold", {"contact_warm_start": 0.0}),
+    ("joints start warm, by half", {"joint_warm_start": 0.5}),
+    ("no relaxation", {"relax_share": 0.0}),
+    ("friction: pyramid, not cone", {"friction_model": "pyramid"}),
+    ("push-out speed without a cap", {"max_push_speed": math.inf}),
+)
+_SOFT: Sequence[tuple[str, Mapping[str, ParamValue]]] = (
+    ("static bodies no stiffer", {"static_hertz_scale": 1.0}),
+    ("soft frequency without a limit", {"hertz_limit": math.inf}),
+    ("contacts at 60 Hz, not 30", {"contact_hertz": 60.0}),
+    ("damping ratio 1, not 5", {"contact_damping_ratio": 1.0, "joint_damping_ratio": 1.0}),
+)
+
+
+@dataclass(frozen=True)
+class AblationPlan:
+    """The runs of an ablation: the unchanged one of each scene, and each option's."""
+
+    method: str
+    settings: str
+    base: Mapping[str, Task]
+    changed: Mapping[str, Mapping[str, Task]]
+
+    @property
+    def tasks(self) -> list[Task]:
+        return [*self.base.values(), *(task for tasks in self.changed.values() for task in tasks.values())]
+
+    def ablation(self, found: Mapping[Task, Entry]) -> Ablation:
+        """The chart's content, of what its runs came to."""
+        changed = {o: {s: found[t].result for s, t in tasks.items()} for o, tasks in self.changed.items()}
+        base = {scene: found[task].result for scene, task in self.base.items()}
+        errors = ", ".join(f"{scene} {measured_text(found[task])}" for scene, task in self.base.items())
+        notes = [
+            f"{NAMES[self.method]} {self.settings}, default preset, with one option changed. A cell: the scene's error "
+            "over the unchanged run's, and below it the time of a step, likewise. Errors unchanged: " + errors + ".",
+        ]
+        title = f"{NAMES[self.method]} {self.settings}: one option changed at a time"
+        return Ablation(f"ablation-{self.method}", title, list(self.base), base, changed, notes)
+
+
+def measured_text(entry: Entry) -> str:
+    """The error of a run, for people, or how it failed."""
+    if entry.result.failed:
+        return "fails"
+    return number(entry.result.number("error"), report_outcome.measured(entry.scene).unit)
+
+
+def ablations(plan: Plan, chosen: Sequence[str]) -> list[AblationPlan]:
+    """TJSoft in 4 substeps of 10 and PJSoft with 40 sweeps, in those scenes that are chosen."""
+    names = [scene for scene in ABLATED if scene in chosen]
+    if not names:
+        return []
+
+    def task(scene: str, method: str, parts: int, options: Mapping[str, ParamValue], preset: str = "default") -> Task:
+        changes = (*plan.sizes.get(scene, {}).items(), *options.items())
+        request = Request(scene, method, 40, preset, parts, changes=changes)
+        return _task(plan, request, plan.frames or scenes.build(scene).frames)
+
+    made = []
+    for method, parts, rigid in (("tjsoft", 4, "tj"), ("pjsoft", 1, "pj")):
+        changed = {
+            option: {scene: task(scene, method, parts, options) for scene in names}
+            for option, options in (*_BOTH, *_SOFT)
+        }
+        changed[f"rigid: {NAMES[rigid]}"] = {scene: task(scene, rigid, parts, {}) for scene in names}
+        if method == "tjsoft":
+            for others in (2, 10):
+                changed[f"{others} substeps, not {parts}"] = {s: task(s, method, others, {}) for s in names}
+            changed["no substeps: PJSoft"] = {scene: task(scene, "pjsoft", 1, {}) for scene in names}
+        changed["all of the paper's preset"] = {scene: task(scene, method, parts, {}, "paper") for scene in names}
+        base = {scene: task(scene, method, parts, {}) for scene in names}
+        settings = base[names[0]].request.settings
+        made.append(AblationPlan(method, settings, base, changed))
+    return made
 
 
 def everything(plan: Plan, chosen: Sequence[str]) -> tuple[dict[str, list[Task]], list[MapPlan]]:
