@@ -499,6 +499,8 @@ def random_step(seed: int) -> tuple[Any, Any, Any, Any]:
     bodies = random_bodies(random, 9)
     bodies.inverse_mass[:2], bodies.inverse_inertia[:2] = 0, 0
     bodies.flags[1] = cairn.AT_END_POSE if seed % 2 else 0
+    if seed % 3 == 0:
+        bodies.inverse_mass[6] = 0  # its centre is pinned
     bodies.linear_velocity[0] = bodies.angular_velocity[0] = 0
     pairs = [(2, 3), (4, 3), (0, 2), (4, 1), (6, 5), (-1, 7), (7, 6), (1, 0), (1, 5)]
     contacts = random_contacts(random, bodies, [pairs[i] for i in random.integers(0, len(pairs), 16)], plain=False)
@@ -764,6 +766,17 @@ def test_refusals() -> None:
     with pytest.raises(cairn.Error, match=r"results\.joint_linear\[2\]\[1\] is nan") as refused:
         cairn.evaluate(DT, step[0], results, *step[1:])
     assert refused.value.status == 2
+
+
+def test_single_precision_is_read_as_it_is() -> None:
+    def cast(table: Any, real: Any) -> Any:
+        return {k: v.astype(real) if v.dtype.kind == "f" else v for k, v in table.items() if v is not None}
+
+    step = random_step(4)
+    tables = [cast(vars(table), np.float32) for table in (step[0], random_results(4, *step), *step[1:])]
+    narrow = cairn.evaluate(DT, *tables, gravity=GRAVITY)
+    wide = cairn.evaluate(DT, *(cast(table, np.float64) for table in tables), gravity=GRAVITY)
+    assert narrow.whole == wide.whole
 
 
 def test_what_is_read_alone_may_be_read_only() -> None:

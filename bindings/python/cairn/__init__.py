@@ -9,8 +9,8 @@
     >>> solver.step(1 / 60, ball, out=ball).linear_velocity.round(4)
     array([[ 0.    , -0.1635,  0.    ]])
 
-`cairn.Solver` is the library itself; `cairn.scenes`, `cairn.bullet`, `cairn.run`, `cairn.metrics` and `cairn.charts`
-run and judge whole scenes. The command line is `cairn --help`.
+`cairn.Solver` is the library itself, `cairn.evaluate` says how good a step was; `cairn.scenes`, `cairn.bullet`,
+`cairn.run`, `cairn.metrics` and `cairn.charts` run and judge whole scenes. The command line is `cairn --help`.
 """
 
 from . import _cairn

@@ -402,11 +402,12 @@ typedef struct cairn_statistics {
  * what lambda may be, D = J M^-1 J^T at the step's start makes a speed of an impulse.
  * - Contacts: Coulomb's cone K of the coefficient mu, with De Saxce's correction (De Saxce and Feng 1998; Acary and Brogliato 2008):
  *     r = D lambda - P_K(D lambda - (w + mu |w_t| n)),   w_t = J_t V - surface_velocity,   D = trace(J M^-1 J^T) / 3
- *   with normal and arms of the step's start, both bodies pushed half way between the surfaces. w_n = (C - C*) / h with C = separation + h J_n V and
- *   C* what is nearest to C of what a step may do: keep the surfaces in touch, keep or reduce an overlap that was there, or
- *   part again with restitution times the speed of approach. Overlap itself is what penetration says.
- * - Joints: locked axes w = (C - C*) / h from the coordinate C at the end and C* nearest to it between 0 and its value at the start: an error may be
- *   kept or reduced; lambda is free, or within h max_force. Limited axes: the same for each limit, where lambda only pushes back.
+ *   with normal and arms of the step's start, both bodies pushed half way between the surfaces. w_n = (C - C*) / h with
+ *   C = separation + h J_n V and C* what is nearest to C of what a step may do: keep the surfaces in touch, keep or reduce an overlap
+ *   that was there, or part again with restitution times the speed of approach. Overlap itself is what penetration says.
+ * - Joints: locked axes w = (C - C*) / h from the coordinate C at the end and C* nearest to it between 0 and its value at the start:
+ *   an error may be kept or reduced; lambda is free, or within h max_force. Limited axes: the same for each limit, where lambda only
+ *   pushes back.
  * - Raw rows: w = J V - rhs, lower <= lambda <= upper; friction rows in a disc (or interval) of friction * |lambda[friction_index]|.
  * What has a law of its own instead is not in the residuals, though its impulses are in momentum and energy: contacts with stiffness
  * or damping, rolling and spinning friction, motors, servos and springs of joints and limits of axes that have one, raw rows with compliance,
@@ -414,8 +415,10 @@ typedef struct cairn_statistics {
  * island's contacts or joints, those without error included; 0 if there are none. */
 typedef struct cairn_evaluation {
     uint32_t struct_size;
-    uint32_t bodies;                /* that can move; the island's, or all */
-    uint32_t contacts, joints, rows; /* of which a body can move */
+    uint32_t bodies;                /* that can move: the island's, or all */
+    uint32_t contacts;              /* of which a body can move; likewise: */
+    uint32_t joints;
+    uint32_t rows;
     int32_t penetration_contact;    /* which element has the largest penetration; likewise: */
     int32_t residual_contact;
     int32_t gap_joint;
@@ -515,10 +518,10 @@ CAIRN_API cairn_status cairn_solver_parallel_for(cairn_solver *solver, uint32_t 
  * where there are such elements contact_impulse, friction_impulse with contacts.friction, torsion_impulse with rolling or spinning friction,
  * joint_impulse, joint_linear, joint_angular and row_impulse. Refused like cairn_solver_step's input; also results in place of
  * their input, which is then gone, and elements of results that are not finite or not unit.
- * Each output may be NULL. `whole` is all islands together. Islands are sets of movable bodies tied by contacts, joints or rows, numbered by their
- * first body, as the solver numbers them; `*island_count` is set to how many there are, and they are written if `islands` is not NULL and
- * `capacity` suffices (else CAIRN_ERROR_BUFFER_TOO_SMALL, nothing else written). islands[0].struct_size must be set: it is the distance of
- * one island from the next. body_island has room for every body: its island, or -1 if it cannot move.
+ * Each output may be NULL. `whole` is all islands together. Islands are sets of movable bodies tied by contacts, joints or rows, numbered
+ * by their first body, as the solver numbers them; `*island_count` is set to how many there are, and they are written if `islands` is
+ * not NULL and `capacity` suffices (else CAIRN_ERROR_BUFFER_TOO_SMALL, nothing else written). islands[0].struct_size must be set: it is
+ * the distance of one island from the next. body_island has room for every body: its island, or -1 if it cannot move.
  * CAIRN_ERROR_NOT_FINITE if a quantity left the range of numbers. Needs no solver; threads may call it at once. */
 CAIRN_API cairn_status cairn_evaluate(const cairn_step *step, const cairn_results *results, cairn_evaluation *whole,
                                       cairn_evaluation *islands, size_t capacity, size_t *island_count, int32_t *body_island);
