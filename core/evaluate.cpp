@@ -250,20 +250,21 @@ class Evaluator {
         const JointRows rows = rows_of(start);
         const Mass<double> ma = gather_mass(frame(), frame().lane_a + lane), mb = gather_mass(frame(), frame().lane_b + lane);
         const double most = *field_at(cold, kMostForce) * h;
+        const Motion<double> va = gather_motion(twist_.data(), frame().lane_a + lane),
+                             vb = gather_motion(twist_.data(), frame().lane_b + lane);
         double square[2] = {0, 0}; // of the errors, translation and rotation
         for (std::uint32_t axis = 0; axis < 6; ++axis) {
             const bool locked = *field_at(cold, kIsLocked + axis) > 0, limited = *field_at(cold, kIsLimited + axis) > 0;
-            if (!locked && !limited)
-                continue;
+            const bool driven = *field_at(cold, kIsDriven + axis) > 0, motor = driven && *field_at(cold, kRate + axis) == 0;
             const double low = *field_at(cold, kLowerLimit + axis), high = *field_at(cold, kUpperLimit + axis);
             const double now = end.error[axis], before = start.error[axis];
-            const double error = locked ? now - low : minimum(now - low, 0.0) + maximum(now - high, 0.0);
-            square[axis / 3] += error * error;
-
+            if (locked || limited) {
+                const double error = locked ? now - low : minimum(now - low, 0.0) + maximum(now - high, 0.0);
+                square[axis / 3] += error * error;
+            }
             const double d = ma.between(rows.linear[axis], rows.turn_a[axis], rows.linear[axis], rows.turn_a[axis]) +
                              mb.between(rows.linear[axis], rows.turn_b[axis], rows.linear[axis], rows.turn_b[axis]);
-            const bool driven = *field_at(cold, kIsDriven + axis) > 0;
-            if (!(d > 0) || driven)
+            if (!(d > 0) || !(locked || limited || motor) || (limited && driven))
                 continue;
             const double lambda = out_.joint_impulse.real(i, axis), x = d * lambda, bound = d * most;
             double r;
@@ -271,6 +272,11 @@ class Evaluator {
                 const double c0 = before - low;
                 const double w = speed_beyond(now - low, minimum(c0, 0.0), maximum(c0, 0.0), h);
                 r = x - clamp(x - w, -bound, bound);
+            } else if (motor) {
+                const double speed =
+                    dot(rows.linear[axis], vb.linear - va.linear) + dot(rows.turn_b[axis], vb.angular) - dot(rows.turn_a[axis], va.angular);
+                const double reach = minimum(bound, d * h * *field_at(cold, kForce + axis));
+                r = x - clamp(x - (speed - *field_at(cold, kSpeed + axis)), -reach, reach);
             } else {
                 const double w_low = speed_beyond(now - low, minimum(before - low, 0.0), 0, h);
                 const double w_high = speed_beyond(high - now, minimum(high - before, 0.0), 0, h);

@@ -281,14 +281,16 @@ def judge_joint(judge: Judge, a: Body, b: Body, j: Any, results: Any, i: int, wr
             errors[axis] = now[axis] - low
         elif kind & M:
             errors[axis] = min(now[axis] - low, 0) + max(now[axis] - high, 0)
-        else:
-            continue
         d = jacobian[axis] @ inverse @ jacobian[axis]
-        if d <= 0 or kind & (cairn.DRIVEN | cairn.SPRING):
+        if d <= 0 or kind in (cairn.FREE, M | cairn.DRIVEN, cairn.DRIVEN | cairn.SERVO, cairn.SPRING):
             continue
         lam, bound = results.joint_impulse[i][axis], d * DT * j.max_force[i]
         if locked:
             w = beyond(errors[axis], min(before[axis] - low, 0), max(before[axis] - low, 0))
+            r = abs(d * lam - np.clip(d * lam - w, -bound, bound))
+        elif kind == cairn.DRIVEN:
+            w = jacobian[axis] @ np.hstack([a.twist, b.twist]) - j.motor_speed[i][axis]
+            bound = min(bound, d * DT * j.motor_force[i][axis])
             r = abs(d * lam - np.clip(d * lam - w, -bound, bound))
         else:
             each = []
@@ -442,7 +444,9 @@ KINDS: list[tuple[list[int], int]] = [
     ([L, M, M, M, M, M], cairn.BY_AXES),
     ([L, L, L, M, L, M], cairn.VECTOR),
     ([L, L, L, M, M, M], cairn.CONE),
-    ([cairn.DRIVEN, M | cairn.DRIVEN, L, 0, 0, cairn.SPRING], cairn.BY_AXES),
+    ([cairn.DRIVEN, M | cairn.DRIVEN, L, 0, cairn.DRIVEN, cairn.SPRING], cairn.BY_AXES),
+    ([L, L, L, L, L, cairn.DRIVEN | cairn.SERVO], cairn.BY_AXES),
+    ([L, L, L, cairn.DRIVEN, L, L], cairn.BY_AXES),
 ]
 
 
@@ -459,7 +463,7 @@ def random_joints(random: np.random.Generator, bodies: Any, pairs: list[tuple[in
         frame_a=turn(), frame_b=turn(), axes=np.array([kind for kind, _ in KINDS], np.int32),
         rotation=np.array([rotation for _, rotation in KINDS], np.int32),
         lower=random.uniform(-0.1, 0, (n, 6)), upper=random.uniform(0, 0.1, (n, 6)),
-        motor_speed=np.ones((n, 6)), motor_force=np.ones((n, 6)), stiffness=np.ones((n, 6)),
+        motor_speed=np.ones((n, 6)), motor_force=random.choice([1.0, 40.0], (n, 6)), stiffness=np.ones((n, 6)),
         max_force=random.choice([np.inf, 30.0], n),
     )  # fmt: skip
     table.upper[4, 0] = table.lower[4, 0]  # no room: locked there
@@ -773,9 +777,9 @@ def test_single_precision_is_read_as_it_is() -> None:
         return {k: v.astype(real) if v.dtype.kind == "f" else v for k, v in table.items() if v is not None}
 
     step = random_step(4)
-    tables = [cast(vars(table), np.float32) for table in (step[0], random_results(4, *step), *step[1:])]
-    narrow = cairn.evaluate(DT, *tables, gravity=GRAVITY)
-    wide = cairn.evaluate(DT, *(cast(table, np.float64) for table in tables), gravity=GRAVITY)
+    tables: list[Any] = [cast(vars(table), np.float32) for table in (step[0], random_results(4, *step), *step[1:])]
+    narrow = cairn.evaluate(DT, *tables)
+    wide = cairn.evaluate(DT, *(cast(table, np.float64) for table in tables))
     assert narrow.whole == wide.whole
 
 

@@ -37,7 +37,7 @@ class Measures:
     angle_joint: Number  # index
     contact_residual: Number  # m/s, natural map of Coulomb's law
     residual_contact: Number  # index
-    joint_residual: Number  # m/s, likewise of locked and limited translations
+    joint_residual: Number  # m/s, likewise of locked and limited translations and motors
     residual_joint: Number  # index
     joint_angular_residual: Number  # rad/s, of rotations
     angular_residual_joint: Number  # index

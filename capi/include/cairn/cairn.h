@@ -407,12 +407,12 @@ typedef struct cairn_statistics {
  *   that was there, or part again with restitution times the speed of approach. Overlap itself is what penetration says.
  * - Joints: locked axes w = (C - C*) / h from the coordinate C at the end and C* nearest to it between 0 and its value at the start:
  *   an error may be kept or reduced; lambda is free, or within h max_force. Limited axes: the same for each limit, where lambda only
- *   pushes back.
+ *   pushes back. Motors: w = J V - motor_speed with J of the start, |lambda| <= h motor_force and h max_force.
  * - Raw rows: w = J V - rhs, lower <= lambda <= upper; friction rows in a disc (or interval) of friction * |lambda[friction_index]|.
  * What has a law of its own instead is not in the residuals, though its impulses are in momentum and energy: contacts with stiffness
- * or damping, rolling and spinning friction, motors, servos and springs of joints and limits of axes that have one, raw rows with compliance,
- * rows with D = 0. An index is one in the caller's table, the smallest of equals; -1 where its quantity is 0. A mean is over all of the
- * island's contacts or joints, those without error included; 0 if there are none. */
+ * or damping, rolling and spinning friction, servos and springs of joints, axes with a limit and one of these or a motor, raw rows with
+ * compliance, rows with D = 0. An index is one in the caller's table, the smallest of equals; -1 where its quantity is 0. A mean is over
+ * all of the island's contacts or joints, those without error included; 0 if there are none. */
 typedef struct cairn_evaluation {
     uint32_t struct_size;
     uint32_t bodies;                /* that can move: the island's, or all */
