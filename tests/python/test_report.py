@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 import time
+import warnings
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
@@ -17,8 +18,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cairn import cli, demo, report, report_cache, report_failures, report_outcome, report_plan, scenes, workers
-from cairn.charts import ablation, atlas, error_time, profiles, work_precision
+from cairn import (
+    cli, cluster, demo, report, report_cache, report_failures, report_outcome, report_plan, scenes, workers,
+)  # fmt: skip
+from cairn.charts import ablation, atlas, claims, error_time, paper, profiles, work_precision
 from cairn.charts.result import Comparison, Measured, Request, Result
 from cairn.recording import SERIES, Recording
 from cairn.report_outcome import COLLAPSED, DEGRADED, EXPLODED, FAILED, NAN, SURVIVED, UNKNOWN
@@ -224,6 +227,52 @@ def test_a_map_shows_every_cell_with_its_failure() -> None:
     assert rows[1] == {"panel": "PJ", "sweeps": "10", "boxes": "9", "state": FAILED, "kind": NAN, "frame": "7"}
 
 
+# ---- The paper ---------------------------------------------------------------------------------------------------
+
+
+def test_the_paper_is_set_beside_our_runs() -> None:
+    """Made-up runs in which soft is gentler and PJNJ the slowest, as the paper has it; the bridge as it has it not."""
+    times = {"pj": 1.0, "pjsoft": 1.1, "tj": 2.0, "tjsoft": 2.1, "pjnj": 9.0}
+    comparisons, built, stood = {}, {}, {}
+    for scene in ("stack", "jeep-bridge"):
+        gaps = {"pj": 0.1, "pjnj": 0.05, "pjsoft": 0.02, "tj": 0.02, "tjsoft": 0.01}
+        runs = [
+            result(m, times[m], 0.1, "paper", scene, max_joint_error_m=gaps[m], energy_roughness_J=gaps[m])
+            for m in ("pj", "pjnj", "pjsoft", "tj", "tjsoft")
+        ]
+        comparisons[scene], built[scene] = Comparison(scene, runs, FRAMES), scenes.build(scene)
+        stood[scene] = {m: m not in ("pj", "pjnj") for m in times}
+    rows = paper.rows(comparisons, built, stood)
+    assert [row.item for row in rows] == ["Figure 5"] * 4 + ["Figure 10"] * 2 + ["Table 1", "Table 2"]
+    by_claim = {row.theirs: row for row in rows}
+    assert by_claim["PJNJ hardly holds the bridge's joints"].answer == "no"
+    assert by_claim["PJNJ hardly holds the bridge's joints"].why
+    better = by_claim["soft constraints and substeps each hold the joints better than PJ"]
+    assert better.answer == "yes" and better.why == "" and "TJSoft 10 mm" in better.ours
+    stars, table = rows[-2:]
+    assert stars.answer == "yes" and "TJSoft 2" in stars.ours and "TJSoft ★★★★★" in stars.theirs
+    assert table.answer == "yes" and "PJNJ 54.8 ms (×7.73)" in table.theirs and "PJNJ 9 ms (×9.00)" in table.ours
+    stands = [row for row in rows if "fall afterwards" in row.theirs]
+    assert [row.answer for row in stands] == ["cannot tell"]  # too few frames
+    assert "cannot be told" in paper.summary(rows)
+    lines = list(csv.DictReader(io.StringIO(paper.as_csv(rows))))
+    assert len(lines) == len(rows) and lines[0]["item"] == "Figure 5"
+
+
+def test_what_claims_need_is_kept_without_the_series(tmp_path: Path) -> None:
+    """Of a real run: the same answers from what the cache keeps as from the recording."""
+    task = Task(Request("tumble", "tj", 20, "paper", 4), 80)
+    (real,) = [workers.perform(task)]
+    assert real.recording is not None
+    kept = report_cache.entry(task, real, "")
+    report_cache.save(tmp_path, kept)
+    back = report_cache.load(tmp_path, task)
+    assert back is not None
+    derived = claims.derived(real.recording)
+    assert derived["energy_roughness_J"] == claims._roughness(real) == claims._roughness(back.result)
+    assert {key: back.result.number(key) for key in derived} == derived
+
+
 # ---- Ablations ---------------------------------------------------------------------------------------------------
 
 
@@ -231,7 +280,7 @@ def test_an_effect_is_a_ratio_unless_a_run_fails() -> None:
     base, worse = result("tjsoft", 2.0, 1e-3, "default"), result("tjsoft", 1.0, 1e-1, "default")
     fallen = result("tjsoft", 1.0, 1.0, "default", collapsed_at_frame=70)
     found = ablation.effect(base, worse)
-    assert (found.error, found.time, found.text) == (pytest.approx(100), 0.5, "×100\nt 0.5")
+    assert found.error == pytest.approx(100) and (found.time, found.text) == (0.5, "×100\nt 0.5")
     assert ablation.effect(worse, base).colour != found.colour != ablation.effect(base, base).colour
     assert ablation.effect(base, fallen).text == "fails" and ablation.effect(fallen, fallen).text == "both fail"
     assert ablation.effect(fallen, base).text == "holds\nt 2"
@@ -338,6 +387,43 @@ def test_one_run_serves_all_who_ask_for_it_in_other_words(tmp_path: Path, capsys
     assert len(list(tmp_path.iterdir())) == 2
     assert [found[task].result.request for task in (TASK, same, other)] == [TASK.request, same.request, other.request]
     assert found[TASK].result.summary == found[same].result.summary
+
+
+def test_a_scheduler_runs_what_this_machine_would(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed")
+    tasks = [
+        replace(TASK, frames=20),
+        replace(TASK, frames=20, request=replace(TASK.request, method="stock", preset=None)),
+    ]
+    slow = Task(Request("tumble", "pj", 10, "default"), 1_000_000, limit_s=0.2)
+    broken = Task(Request("tumble", "pj", 10, "nowhere"), 20)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of libraries below
+        with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as local:
+            address = local.scheduler_address
+            found = report.run(tasks, tmp_path / "cluster", jobs=1, scheduler=address)
+            with cluster.Cluster(address) as pool:
+                told: list[int] = []
+                late, wrong = pool.run([slow, broken], lambda request, frames: told.append(frames))
+            monkeypatch.setattr(cluster, "info", lambda: {"build": "another"})
+            with pytest.raises(ValueError, match="runs another build of cairn"):
+                cluster.Cluster(address)
+            monkeypatch.undo()
+    here = report.run(tasks, tmp_path / "here", jobs=1)
+    for task in tasks:
+        assert found[task].result.summary["state_hash"] == here[task].result.summary["state_hash"]
+        assert "a Dask cluster of 1 threads" in found[task].conditions
+    assert late.stopped and "of 1000000" in late.error and "nowhere" in wrong.error and sorted(told) == [20, 1_000_000]
+
+
+def test_without_distributed_a_scheduler_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    arguments = ["report", str(tmp_path), "--quick", "--scenes", "tumble", "--scheduler", "tcp://127.0.0.1:1"]
+    assert cli.main(arguments) == 1
+    assert "--scheduler needs dask.distributed" in capsys.readouterr().err
+    assert cli.main([*arguments, "--jobs", "2"]) == 2
 
 
 SCRIPT = """

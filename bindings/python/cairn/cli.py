@@ -289,7 +289,12 @@ def _command_report(arguments: argparse.Namespace) -> None:
     given += [] if chosen is None else ["--scenes", ",".join(chosen)]
     given += [] if arguments.frames is None else ["--frames", str(arguments.frames)]
     command = shlex.join(["./dev", "report", str(out), *given])
-    page = report.report(out, plan, chosen, arguments.jobs, arguments.resume, command)
+    if arguments.scheduler and arguments.jobs:
+        raise UsageError("--jobs is for this machine's cores: a --scheduler has its workers' threads")
+    try:
+        page = report.report(out, plan, chosen, arguments.jobs, arguments.resume, command, arguments.scheduler)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
     print(f"Look at  {page.resolve().as_uri()}")
 
 
@@ -480,6 +485,11 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("out", nargs="?", default="out/report", metavar="OUT", help="folder to write to (%(default)s)")
     study.add_argument("--quick", action="store_true", help="few frames and small sizes: minutes")
     study.add_argument("--jobs", type=_positive, metavar="N", help="runs at a time, each on its own core (all cores)")
+    study.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="run on the workers of this Dask scheduler, as tcp://host:8786 (needs distributed)",
+    )
     study.add_argument("--scenes", metavar="A,B", help="only these (all)")
     study.add_argument("--frames", type=_positive, metavar="N", help="of every run but the maps' (the scene's, or few)")
     study.add_argument(

@@ -24,6 +24,7 @@ from tqdm import tqdm
 from . import scenes, workers
 from .charts import report
 from .charts.result import METHODS, PRESETS, Comparison, Request, Result
+from .cluster import Cluster
 
 SCENES = ("stack", "chain", "overlap")
 ITERATIONS = 300  # of a step in all, as in the paper
@@ -116,7 +117,7 @@ class Bar:
 
 
 def run_with_bar(
-    pool: workers.Pool,
+    pool: workers.Pool | Cluster,
     tasks: Sequence[workers.Task],
     costs: dict[Request, float],
     title: str,

@@ -14,12 +14,13 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 from . import demo, report_cache, report_failures, report_outcome, report_plan, scenes, workers
-from .charts import profiles, style
+from .charts import paper, profiles, style
 from .charts.ablation import ablation
 from .charts.atlas import atlas
 from .charts.drawn import Drawn
 from .charts.result import NAMES, Comparison, Request, Result
 from .charts.work_precision import work_precision
+from .cluster import Cluster
 from .report_cache import Entry
 from .report_plan import FULL, QUICK, AblationPlan, MapPlan, Plan
 from .run import build_text
@@ -34,12 +35,17 @@ class Part:
     title: str
     about: str
     charts: Sequence[tuple[str, str, Drawn]]  # name in the index, sentence, chart
+    rows: Sequence[paper.Row] = ()  # of the paper's comparison; written to paper.csv, too
 
 
-def run(tasks: Sequence[Task], cache: Path, jobs: int, resume: bool = True) -> dict[Task, Entry]:
+def run(
+    tasks: Sequence[Task], cache: Path, jobs: int, resume: bool = True, scheduler: str | None = None
+) -> dict[Task, Entry]:
     """Results of all tasks: those kept in `cache`, and the rest run now, as many at a time as there are jobs.
 
-    Each is kept as soon as it is done; resume false runs all of them anew. Raises KeyboardInterrupt as the user does.
+    Each is kept as soon as it is done; resume false runs all of them anew. scheduler: the address of a Dask scheduler
+    whose workers run them, in place of this machine's cores. Raises KeyboardInterrupt as the user does, and what
+    `cairn.cluster.Cluster` raises.
     """
     alike: dict[Path, list[Task]] = {}  # two charts may ask for one run in different words
     for task in dict.fromkeys(tasks):
@@ -53,8 +59,8 @@ def run(tasks: Sequence[Task], cache: Path, jobs: int, resume: bool = True) -> d
     print(f"{len(wanted)} runs, {len(found)} of them kept from before", flush=True)
     lock = threading.Lock()
     if left:
-        with workers.Pool(jobs) as pool:
-            conditions = demo.conditions_text(jobs, pool.pinned)
+        with workers.Pool(jobs) if scheduler is None else Cluster(scheduler) as pool:
+            conditions = demo.conditions_text(jobs, pool.pinned) if isinstance(pool, workers.Pool) else pool.conditions
 
             def done(task: Task, result: Result) -> None:
                 judged = report_cache.entry(task, result, conditions)
@@ -90,6 +96,7 @@ def parts(
     by_scene: dict[str, list[Task]],
     maps: Sequence[MapPlan],
     changes: Sequence[AblationPlan],
+    theirs: Mapping[str, Sequence[Task]],
     footnote: str,
 ) -> list[Part]:
     """Draw everything."""
@@ -123,6 +130,8 @@ def parts(
                 [(plan.scene, "", atlas(plan.map(found), footnote)) for plan in maps],
             )
         )
+    if theirs:
+        made.append(_paper(found, theirs))
     if changes:
         made.append(
             Part(
@@ -147,23 +156,49 @@ def parts(
     return made
 
 
+def _paper(found: Mapping[Task, Entry], theirs: Mapping[str, Sequence[Task]]) -> Part:
+    """The paper's figures and tables, of the runs with its preset."""
+    entries = {scene: [found[task] for task in tasks] for scene, tasks in theirs.items()}
+    comparisons = {
+        scene: Comparison(scene, [e.result for e in some], max(e.task.frames for e in some))
+        for scene, some in entries.items()
+    }
+    built = {scene: some[0].scene for scene, some in entries.items()}
+    fine = (report_outcome.SURVIVED, report_outcome.DEGRADED)
+    stood = {s: {e.task.request.method: e.outcome.state in fine for e in some} for s, some in entries.items()}
+    rows = paper.rows(comparisons, built, stood)
+    return Part(
+        "paper",
+        "The paper, figure by figure",
+        f"Its five methods with its preset and 300 iterations a step. {paper.summary(rows)} Each answer is computed "
+        f"from the runs. {_frames({scene: c.frames for scene, c in comparisons.items()})} (The paper’s: 3000; its "
+        "Figures 1 and 2 are a sketch and a flow chart, the latter is core/method/schedule.h; Figure 9 is its Table 2 "
+        "split up, which ./dev demo draws.)",
+        [],
+        rows,
+    )
+
+
 def write(
     out: Path,
     found: dict[Task, Entry],
     by_scene: dict[str, list[Task]],
     maps: Sequence[MapPlan],
     changes: Sequence[AblationPlan],
+    theirs: Mapping[str, Sequence[Task]],
     failures: Sequence[report_failures.Shown],
     command: str,
 ) -> Path:
     """Write index.html, and a PNG and a CSV a chart, into `out`; returns the page's path."""
     conditions = "; ".join(sorted({entry.conditions for entry in found.values()}))
     footnote = f"{build_text()}; {conditions}"
-    made = parts(found, by_scene, maps, changes, footnote)
+    made = parts(found, by_scene, maps, changes, theirs, footnote)
     for part in made:
         for _, _, drawn in part.charts:
             report_cache.write(out / f"{drawn.name}.png", drawn.png)
             report_cache.write(out / f"{drawn.name}.csv", drawn.csv.encode())
+        if part.rows:
+            report_cache.write(out / f"{part.id}.csv", paper.as_csv(part.rows).encode())
     missing = [e for e in found.values() if e.result.recording is None]
     frames = {scene: max(task.frames for task in tasks) for scene, tasks in by_scene.items()}
     page = style.template("study.html").render(
@@ -172,6 +207,7 @@ def write(
                 "id": part.id,
                 "title": part.title,
                 "about": part.about,
+                "rows": part.rows,
                 "charts": [
                     {"name": d.name, "title": d.title, "short": short, "why": why, "svg": d.svg}
                     for short, why, d in part.charts
@@ -215,24 +251,26 @@ def report(
     jobs: int | None = None,
     resume: bool = True,
     command: str = "./dev report",
+    scheduler: str | None = None,
 ) -> Path:
     """Run what is not kept in out/cache, and write the report; returns the page's path.
 
     chosen: scenes, of `cairn.scenes.SCENES`; None for all. jobs: runs at a time, each on a core of its own; None for
-    one a core. ValueError for a scene that does not exist.
+    one a core. scheduler: as in `run`. ValueError for a scene that does not exist.
     """
     names = list(scenes.SCENES) if chosen is None else list(chosen)
     for name in names:
         scenes.settings_of(name)
     by_scene, maps = report_plan.everything(plan, names)
-    changes = report_plan.ablations(plan, names)
+    changes, theirs = report_plan.ablations(plan, names), report_plan.paper(plan, names)
     tasks = [task for some in by_scene.values() for task in some]
     tasks += [task for one in maps for task in one.tasks] + [task for one in changes for task in one.tasks]
-    found = run(tasks, out / "cache", jobs or demo.available_cores(), resume)
+    tasks += [task for some in theirs.values() for task in some]
+    found = run(tasks, out / "cache", jobs or demo.available_cores(), resume, scheduler)
     groups = [[found[task] for task in some] for some in by_scene.values()]
     failures = report_failures.write(out, groups, jobs or demo.available_cores())
     print("drawing the charts", flush=True)
-    return write(out, found, by_scene, maps, changes, failures, command)
+    return write(out, found, by_scene, maps, changes, theirs, failures, command)
 
 
 __all__ = ["FULL", "QUICK", "Plan", "report", "run", "write"]

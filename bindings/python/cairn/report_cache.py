@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from . import report_outcome, scenes
+from .charts import claims
 from .charts.result import Result
 from .recording import Recording
 from .report_outcome import Outcome
@@ -23,7 +24,7 @@ from .scenes.model import Scene
 from .solver import preset
 from .workers import Task
 
-FORMAT = 1  # of the files; grows when what they hold, or how a run is judged, changes
+FORMAT = 2  # of the files; grows when what they hold, or how a run is judged, changes
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def entry(task: Task, result: Result, conditions: str) -> Entry:
     if recording is None:
         return Entry(task, result, Outcome(report_outcome.UNKNOWN, "out of time" if result.stopped else ""), conditions)
     error = report_outcome.error_of(recording)
-    summary = {**recording.summary, "error": error if math.isfinite(error) else None}
+    summary = {**recording.summary, **claims.derived(recording), "error": error if math.isfinite(error) else None}
     flew = report_outcome.exploded(recording)
     kept = Result(result.request, _bare(summary, recording.scene), seconds=result.seconds, exploded=flew)
     return Entry(task, kept, report_outcome.outcome(recording), conditions)

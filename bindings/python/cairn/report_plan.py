@@ -256,6 +256,24 @@ def overlap(plan: Plan) -> MapPlan:
 MAPS = {"heavy-pendulum": heavy_pendulum, "column": column, "stack-1m": stack, "overlap": overlap}
 
 
+# ---- The paper ---------------------------------------------------------------------------------------------------
+
+PAPER_SCENES = ("joints", "crank", "stack", "chain", "overlap", "jeep-bridge", "windmill")  # Figures 3 to 11
+
+
+def paper(plan: Plan, chosen: Sequence[str]) -> dict[str, list[Task]]:
+    """The paper's runs by scene: its five methods and preset, 300 iterations a step in all, 10 substeps of TJ's."""
+    found = {}
+    for scene in PAPER_SCENES:
+        if scene in chosen:
+            changes = tuple(plan.sizes.get(scene, {}).items())
+            frames = plan.frames or scenes.build(scene).frames
+            parts = {method: DEFAULT_SUBSTEPS.get(method, 1) for method in METHODS}
+            requests = [Request(scene, method, 300, "paper", parts[method], changes=changes) for method in METHODS]
+            found[scene] = [_task(plan, request, frames) for request in requests]
+    return found
+
+
 # ---- Ablations ---------------------------------------------------------------------------------------------------
 
 ABLATED = ("stack", "stack-1m", "chain-1m", "overlap", "pyramid", "inverted", "arch")  # scenes

@@ -135,49 +135,60 @@ def _work(core: int | None, pipe: Connection) -> None:
 
 def _loop(core: int | None, pipe: Connection) -> None:
     """A task in, words of progress and a recording out."""
-    from .run import run
-
     if core is not None:
         os.sched_setaffinity(0, {core})
-    last = time.monotonic()
-
-    def tell(frames: int) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if now - last > _REPORT:
-            last = now
-            pipe.send(("frames", frames))
-        if time.process_time() - spent > task.limit_s and frames < task.frames:
-            raise _TimeUpError(f"given up after {task.limit_s:g} s, at frame {frames} of {task.frames}")
-
     while True:
         try:
             task: Task = pipe.recv()
         except EOFError:
             return
-        request = task.request
-        began, spent = time.monotonic(), time.process_time()
-        try:
-            recording = run(
-                request.scene,
-                request.method,
-                preset=request.preset,
-                iterations=request.iterations,
-                position_iterations=request.position_iterations,
-                substeps=request.substeps,
-                frames=task.frames,
-                dt=request.dt,
-                settings=dict(request.changes),
-                threads=1,
-                keep_poses_every=task.keep_poses_every,
-                trace_frame=0,
-                progress=tell,
-            )
-        except _TimeUpError as error:
-            pipe.send(("stopped", str(error)))
-        except Exception as error:  # whatever it is, it is this run's, and the report shows it
-            pipe.send(("failed", f"{type(error).__name__}: {error}"))
+        result = perform(task, lambda frames: pipe.send(("frames", frames)))
+        if result.recording is not None:
+            pipe.send(("done", result))
         else:
-            # Without the functions that made its series, which need not be such as can be sent.
-            recording = replace(recording, scene=replace(recording.scene, quantities={}, motions={}))
-            pipe.send(("done", Result(request, recording, seconds=time.monotonic() - began)))
+            pipe.send(("stopped" if result.stopped else "failed", result.error))
+
+
+def perform(task: Task, tell: Callable[[int], None] = lambda frames: None) -> Result:
+    """Run a task here, with one solver thread; a result that can be sent to another process.
+
+    tell: called with the frames that are done, every third of a second.
+    """
+    from .run import run
+
+    request = task.request
+    began, spent = time.monotonic(), time.thread_time()
+    last = began
+
+    def progress(frames: int) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last > _REPORT:
+            last = now
+            tell(frames)
+        if time.thread_time() - spent > task.limit_s and frames < task.frames:
+            raise _TimeUpError(f"given up after {task.limit_s:g} s, at frame {frames} of {task.frames}")
+
+    try:
+        recording = run(
+            request.scene,
+            request.method,
+            preset=request.preset,
+            iterations=request.iterations,
+            position_iterations=request.position_iterations,
+            substeps=request.substeps,
+            frames=task.frames,
+            dt=request.dt,
+            settings=dict(request.changes),
+            threads=1,
+            keep_poses_every=task.keep_poses_every,
+            trace_frame=0,
+            progress=progress,
+        )
+    except _TimeUpError as error:
+        return Result(request, error=str(error), stopped=True)
+    except Exception as error:  # whatever it is, it is this run's, and the report shows it
+        return Result(request, error=f"{type(error).__name__}: {error}")
+    # Without the functions that made its series, which need not be such as can be sent.
+    recording = replace(recording, scene=replace(recording.scene, quantities={}, motions={}))
+    return Result(request, recording, seconds=time.monotonic() - began)
