@@ -521,6 +521,11 @@ def test_the_command_refuses_what_cannot_be(
     assert text in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
+def test_a_plan_has_the_scenes_frames_unless_they_are_too_many() -> None:
+    assert [report.FULL.frames_of(scene) for scene in ("stack", "jeep-bridge", "kapla")] == [3000, 600, 6000]
+    assert report.QUICK.frames_of("kapla") == 200
+
+
 def test_too_few_frames_are_refused() -> None:
     with pytest.raises(ValueError, match="60 frames are too few"):
         replace(report.QUICK, frames=60)

@@ -23,17 +23,22 @@ Sizes = Mapping[str, float]
 class Plan:
     """How much is run: all of it, or quickly."""
 
-    frames: int | None  # of a run; None: the scene's
+    frames: int | None  # of a run; None: the scene's, at most `longest`
     atlas_seconds: float  # simulated, of a map's run; frames are these divided by the step
     limit_s: float  # processor time of a run
     iterations: Sequence[int]  # of a step in all, where there are no substeps
     substeps: Sequence[tuple[int, int]]  # iterations of a step in all, substeps
     sizes: Mapping[str, Sizes] = field(default_factory=dict)  # by scene, other than its own
+    longest: int = 6000  # frames: of kapla a tenth, whose runs of an hour `cairn simbenchmark` makes
     coarse: bool = False  # whether the maps have four columns and rows or so, not six
 
     def __post_init__(self) -> None:
         if self.frames is not None and self.frames <= SETTLED_FRAME:
             raise ValueError(f"{self.frames} frames are too few: drift counts from frame {SETTLED_FRAME} on")
+
+    def frames_of(self, scene: str) -> int:
+        """How many frames a run of that scene has, maps apart."""
+        return self.frames or min(scenes.build(scene).frames, self.longest)
 
 
 FULL = Plan(
@@ -93,7 +98,7 @@ def work_precision(plan: Plan, scene: str) -> list[Task]:
         Request(scene, name, n, changes=changes) for name in ("stock", "nncg", "dantzig") for n in plan.iterations
     ]
     found += [Request(scene, "stock-substeps", n, None, parts, changes=changes) for n, parts in plan.substeps]
-    frames = plan.frames or scenes.build(scene).frames
+    frames = plan.frames_of(scene)
     return [_task(plan, request, frames) for request in found]
 
 
@@ -267,7 +272,7 @@ def paper(plan: Plan, chosen: Sequence[str]) -> dict[str, list[Task]]:
     for scene in PAPER_SCENES:
         if scene in chosen:
             changes = tuple(plan.sizes.get(scene, {}).items())
-            frames = plan.frames or scenes.build(scene).frames
+            frames = plan.frames_of(scene)
             parts = {method: DEFAULT_SUBSTEPS.get(method, 1) for method in METHODS}
             requests = [Request(scene, method, 300, "paper", parts[method], changes=changes) for method in METHODS]
             found[scene] = [_task(plan, request, frames) for request in requests]
@@ -338,7 +343,7 @@ def ablations(plan: Plan, chosen: Sequence[str]) -> list[AblationPlan]:
     def task(scene: str, method: str, parts: int, options: Mapping[str, ParamValue], preset: str = "default") -> Task:
         changes = (*plan.sizes.get(scene, {}).items(), *options.items())
         request = Request(scene, method, 40, preset, parts, changes=changes)
-        return _task(plan, request, plan.frames or scenes.build(scene).frames)
+        return _task(plan, request, plan.frames_of(scene))
 
     made = []
     for method, parts, rigid in (("tjsoft", 4, "tj"), ("pjsoft", 1, "pj")):
