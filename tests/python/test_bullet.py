@@ -257,6 +257,30 @@ def test_both_precisions_agree_while_they_can() -> None:
     assert not np.array_equal(ends[0], ends[1])
 
 
+@pytest.mark.parametrize(
+    ("home", "far", "sizes", "frames", "bits", "apart"),
+    [
+        # The joints know the origin only through Bullet's own digits.
+        ("chain", "far-chain", {"links": 10}, 20, 64, 1e-6),
+        ("chain", "far-chain", {"links": 10}, 20, 32, 5e-3),  # a float's are 1 mm apart there
+        # A box's first point on a plane is one of four corners alike, which rounding chooses.
+        ("stack", "far", {"columns": 3, "layers": 3, "rows": 3}, 40, 64, 2e-3),
+        ("stack", "far", {"columns": 3, "layers": 3, "rows": 3}, 40, 32, 5e-3),
+    ],
+)
+def test_ten_kilometres_away_all_is_as_at_home(
+    home: str, far: str, sizes: dict[str, float], frames: int, bits: int, apart: float
+) -> None:
+    scene = [scenes.build(home, **sizes), scenes.build(far, kilometres=10, **sizes)]
+    here, there = (BulletWorld(s, "tjsoft", iterations=40, substeps=4, threads=1, bullet_precision=bits) for s in scene)
+    moves = scene[0].masses > 0
+    for _ in range(frames):
+        here.step()
+        there.step()
+        difference = (there.positions - here.positions)[moves] - [10_000, 0, 0]
+        assert np.abs(difference).max() < apart
+
+
 def test_threads_and_instructions_change_nothing() -> None:
     ends: list[Array] = []
     for threads, instructions in ((1, "scalar"), (2, "auto")):
