@@ -86,9 +86,14 @@ def entry(task: Task, result: Result, conditions: str) -> Entry:
         return Entry(task, result, Outcome(report_outcome.UNKNOWN, "out of time" if result.stopped else ""), conditions)
     error = report_outcome.error_of(recording)
     summary = {**recording.summary, **claims.derived(recording), "error": error if math.isfinite(error) else None}
-    flew = report_outcome.exploded(recording)
-    kept = Result(result.request, _bare(summary, recording.scene), seconds=result.seconds, exploded=flew)
-    return Entry(task, kept, report_outcome.outcome(recording), conditions)
+    outcome = report_outcome.outcome(recording)
+    flew, fell = report_outcome.exploded(recording), _fell(recording.scene, outcome)
+    kept = Result(result.request, _bare(summary, recording.scene), "", result.seconds, exploded=flew, collapsed=fell)
+    return Entry(task, kept, outcome, conditions)
+
+
+def _fell(scene: Scene, outcome: Outcome) -> bool:
+    return scene.tolerance is not None and outcome.kind == report_outcome.COLLAPSED
 
 
 def _bare(summary: dict[str, Any], scene: Scene) -> Recording:
@@ -122,7 +127,8 @@ def load(folder: Path, task: Task) -> Entry | None:
         return None
     recording = None if summary is None else _bare(summary, scene_of(task))
     flew = recording is not None and report_outcome.exploded(recording)
-    result = Result(task.request, recording, error, seconds, stopped=summary is None, exploded=flew)
+    fell = recording is not None and _fell(recording.scene, outcome)
+    result = Result(task.request, recording, error, seconds, stopped=summary is None, exploded=flew, collapsed=fell)
     return Entry(task, result, outcome, conditions)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ..scenes.model import Scene
-from .claims import NO, UNKNOWN, YES, Claim, claims
+from .claims import NO, TIMED, UNKNOWN, YES, Claim, claims
 from .result import METHODS, NAMES, Comparison
 from .timing import PAPER_MACHINE, PAPER_MS
 
@@ -100,7 +100,7 @@ def _stars(stood: Mapping[str, Mapping[str, bool]]) -> Row:
     """Table 1: the order of stability, by the number of scenes that each method stands."""
     order = ("tjsoft", "tj", "pjsoft", "pj", "pjnj")
     counts = {m: sum(runs[m] for runs in stood.values() if m in runs) for m in order}
-    complete = all(m in runs for runs in stood.values() for m in order)
+    complete = all(m in runs for runs in stood.values() for m in order) and set(TIMED) <= set(stood)
     holds = all(counts[a] >= counts[b] for a, b in zip(order, order[1:])) and counts["tjsoft"] > counts["pj"]
     theirs = "stability: " + ", ".join(f"{NAMES[m]} {'★' * STARS[m][0]}" for m in order)
     ours = f"of {len(stood)} scenes stand: " + ", ".join(f"{NAMES[m]} {counts[m]}" for m in order)

@@ -76,6 +76,7 @@ class Result:
     seconds: float = 0.0  # wall-clock time of the whole run
     stopped: bool = False  # it has no recording because its time was up
     exploded: bool = False  # a body was faster than anything in its scene could make it
+    collapsed: bool = False  # its error is more than its scene tolerates, where the scene says so
 
     def number(self, key: str) -> float:
         """A figure of the summary; NaN if the run did not finish or does not have it."""
@@ -93,9 +94,9 @@ class Result:
 
     @property
     def failed(self) -> bool:
-        """No recording, numbers that are not finite, a pile that fell, or bodies that flew."""
+        """No recording, numbers that are not finite, what fell, or bodies that flew."""
         unsound = self.recording is None or self.exploded or not self.summary.get("finite", True)
-        return unsound or self.collapsed_at is not None
+        return unsound or self.collapsed or self.collapsed_at is not None
 
     def series(self, key: str) -> Array:
         """A figure of every frame; empty if the run did not finish."""

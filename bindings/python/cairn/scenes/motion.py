@@ -107,11 +107,14 @@ def rolling(force: float = 150.0, degrees: float = 60.0, on_floor: float = 0.4, 
     angle = math.radians(degrees)
     way = np.array([math.cos(angle), 0.0, -math.sin(angle)])
     push = (force * math.cos(angle), 0.0, -force * math.sin(angle))
-    plate = Body(Box((10.0, 0.5, 10.0)), ROLLING_BOX, (0.0, 0.5, 0.0), friction=1.0, name="plate", force=push)
-    bodies = [Body(Plane(), 0.0, friction=on_floor, name="floor"), plate]
+    deep = 1e-5  # m, each contact's overlap at the start, and a floor that is a box: all points from the first step on
+    place = (0.0, 0.5 - deep, 0.0)
+    plate = Body(Box((10.0, 0.5, 10.0)), ROLLING_BOX, place, friction=1.0, name="plate", force=push)
+    floor = Body(Box((25.0, 5.0, 25.0)), 0.0, (0.0, -5.0, 0.0), friction=on_floor, name="floor")
+    bodies = [floor, plate]
     for i in range(5):
         for j in range(5):
-            place = (2.0 * i - 4.0, 1.5, 2.0 * j - 4.0)
+            place = (2.0 * i - 4.0, 1.5 - 2 * deep, 2.0 * j - 4.0)
             bodies.append(Body(Sphere(0.5), ROLLING_BALL, place, friction=on_box, name=f"ball {i} {j}"))
     settings = {"force": force, "degrees": degrees, "on_floor": on_floor, "on_box": on_box}
     motions = {"velocity_error_m_s": partial(_rolling_error, box=accelerations[0] * way, ball=accelerations[1] * way)}
