@@ -19,7 +19,16 @@ import numpy as np
 import pytest
 
 from cairn import (
-    cli, cluster, demo, report, report_cache, report_failures, report_outcome, report_plan, scenes, workers,
+    cli,
+    cluster,
+    demo,
+    report,
+    report_cache,
+    report_failures,
+    report_outcome,
+    report_plan,
+    scenes,
+    workers,
 )  # fmt: skip
 from cairn.charts import ablation, atlas, claims, error_time, paper, profiles, work_precision
 from cairn.charts.result import Comparison, Measured, Request, Result
