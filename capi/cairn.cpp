@@ -50,12 +50,14 @@ struct cairn_solver {
 
 namespace {
 
+static_assert(sizeof(cairn_choice) == 40, "the layout of a choice is fixed for ever");
 static_assert(sizeof(cairn_view) == 8 + sizeof(void*) + 8, "the layout of a view is fixed for ever");
 static_assert(CAIRN_F32 == static_cast<std::uint32_t>(cairn::Type::f32) && CAIRN_U64 == static_cast<std::uint32_t>(cairn::Type::u64));
 static_assert(CAIRN_ISA_AUTO == static_cast<std::uint32_t>(cairn::Isa::automatic) &&
               CAIRN_ISA_AVX512 == static_cast<std::uint32_t>(cairn::Isa::avx512));
 static_assert(CAIRN_BACKEND_CUDA == static_cast<std::uint32_t>(cairn::Backend::cuda));
-static_assert(CAIRN_METHOD_COUNT == cairn::kMethodCount && CAIRN_METHOD_TJSOFT == static_cast<std::uint32_t>(cairn::Method::tjsoft));
+static_assert(CAIRN_METHOD_COUNT == cairn::kMethodCount && CAIRN_METHOD_AUTO == static_cast<std::uint32_t>(cairn::Method::automatic));
+static_assert(CAIRN_REASON_STIFF == static_cast<std::uint32_t>(cairn::Reason::stiff));
 static_assert(CAIRN_PRESET_PAPER == static_cast<std::uint32_t>(cairn::Preset::paper));
 static_assert(CAIRN_SPLIT_MANIFOLD == static_cast<std::uint32_t>(cairn::Splitting::manifold));
 static_assert(CAIRN_FRICTION_PYRAMID == static_cast<std::uint32_t>(cairn::Friction::pyramid));
@@ -176,6 +178,8 @@ const char* cairn_status_name(cairn_status status) {
 
 const char* cairn_method_name(uint32_t method) { return method < cairn::kMethodCount ? cairn::kMethods[method].name : nullptr; }
 
+const char* cairn_reason_text(uint32_t reason) { return reason < cairn::kReasonCount ? cairn::kSchedules[reason].why : nullptr; }
+
 cairn_status cairn_get_info(cairn_info* info) {
     return guarded([&] {
         static const std::string& cuda = *new std::string(cairn::gpu::cuda_state()); // never deleted: callers keep the pointer
@@ -228,7 +232,11 @@ void cairn_solver_destroy(cairn_solver* solver) { delete solver; }
 cairn_status cairn_solver_set_params(cairn_solver* solver, const cairn_params* params) {
     return guarded([&] {
         cairn::Solver& core = core_of(solver);
-        core.params = check_params(params);
+        const cairn::Params checked = check_params(params);
+        if (checked.method == cairn::Method::automatic && !core.chooses())
+            refuse(CAIRN_ERROR_UNSUPPORTED,
+                   "params.method is CAIRN_METHOD_AUTO: the CUDA backend does not have it, only CAIRN_BACKEND_CPU");
+        core.params = checked;
     });
 }
 
@@ -274,6 +282,16 @@ cairn_status cairn_solver_split_counts(const cairn_solver* solver, uint32_t* val
     return guarded([&] {
         const std::span<const std::uint32_t> counts = core_of(solver).split_counts();
         copy_out(counts.data(), counts.size(), sizeof(std::uint32_t), values, capacity, count, "split counts");
+    });
+}
+
+cairn_status cairn_solver_choices(const cairn_solver* solver, cairn_choice* values, size_t capacity, size_t* count) {
+    return guarded([&] {
+        std::vector<cairn_choice> made;
+        for (const cairn::Choice& c : core_of(solver).choices())
+            made.push_back({c.first_body, c.bodies, static_cast<std::uint32_t>(c.reason), static_cast<std::uint32_t>(c.method), c.substeps,
+                            c.iterations, c.swept, c.met ? 1u : 0u, c.residual});
+        copy_out(made.data(), made.size(), sizeof(cairn_choice), values, capacity, count, "choices");
     });
 }
 
@@ -369,6 +387,8 @@ const cairn_api* cairn_get_api(uint32_t abi_version) {
         cairn_solver_wait,
         cairn_solver_parallel_for,
         cairn_evaluate,
+        cairn_reason_text,
+        cairn_solver_choices,
     };
     return abi_version == CAIRN_ABI_VERSION ? &api : nullptr;
 }

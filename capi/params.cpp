@@ -53,6 +53,7 @@ constexpr RealRange kReals[] = {
     {"restitution_threshold", &cairn_params::restitution_threshold, 0, kInfinity, false, ">= 0 (infinity: nothing bounces)"},
     {"residual_tolerance", &cairn_params::residual_tolerance, 0, kLargest, false, ">= 0 and finite (0: never stop early)"},
     {"contact_hertz_floor", &cairn_params::contact_hertz_floor, 0, kLargest, false, ">= 0 and finite (0: contact_hertz as it is)"},
+    {"tolerance", &cairn_params::tolerance, 0, kLargest, false, ">= 0 and finite"},
 };
 
 void check_method(std::uint32_t method) {
@@ -84,6 +85,13 @@ void check_ranges(const cairn_params& params) {
     if (!row.substeps && params.substeps != 1)
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "params.substeps is %u: must be 1 for the method %s (tj and tjsoft have substeps)",
                params.substeps, row.name);
+    const bool chooses = params.method == CAIRN_METHOD_AUTO;
+    if (chooses && params.residual_tolerance != 0)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "params.residual_tolerance is %.9g: must be 0 for the method auto, which has tolerance (m/s)",
+               params.residual_tolerance);
+    if (!chooses && params.tolerance != 0)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "params.tolerance is %.9g: must be 0 for the method %s; only auto has it", params.tolerance,
+               row.name);
     if (params.substeps > params.iterations)
         refuse(CAIRN_ERROR_INVALID_ARGUMENT,
                "params.substeps is %u: must be at most params.iterations, %u, or a substep would have no sweep", params.substeps,
@@ -119,6 +127,7 @@ cairn_params to_c(const Params& params) {
     c.restitution_threshold = params.restitution_threshold;
     c.residual_tolerance = params.residual_tolerance;
     c.contact_hertz_floor = params.contact_hertz_floor;
+    c.tolerance = params.tolerance;
     return c;
 }
 
@@ -153,6 +162,7 @@ Params check_params(const cairn_params* given) {
     params.restitution_threshold = c.restitution_threshold;
     params.residual_tolerance = c.residual_tolerance;
     params.contact_hertz_floor = c.contact_hertz_floor;
+    params.tolerance = c.tolerance;
     return params;
 }
 
@@ -160,6 +170,9 @@ Params check_preset(std::uint32_t method, std::uint32_t which) {
     check_method(method);
     if (which > CAIRN_PRESET_PAPER)
         refuse(CAIRN_ERROR_INVALID_ARGUMENT, "preset is %u: must be CAIRN_PRESET_DEFAULT (0) or CAIRN_PRESET_PAPER (1)", which);
+    if (method == CAIRN_METHOD_AUTO && which == CAIRN_PRESET_PAPER)
+        refuse(CAIRN_ERROR_INVALID_ARGUMENT, "preset is %u: the method auto is not in the paper, it has CAIRN_PRESET_DEFAULT (0) alone",
+               which);
     return preset(static_cast<Method>(method), static_cast<Preset>(which));
 }
 

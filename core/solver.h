@@ -1,5 +1,6 @@
 // The solver: keeps what outlives a step (warm-start cache, threads, buffers) and runs steps.
 #pragma once
+#include "method/choose.h"
 #include "method/params.h"
 #include "scene/input.h"
 
@@ -46,6 +47,16 @@ struct Statistics {
     double time_upload = 0, time_download = 0;
     double time_total = 0, time_pack = 0, time_build = 0, time_sweep = 0, time_position = 0, time_integrate = 0, time_finish = 0;
     double kinetic_energy_change = 0, residual = 0;
+};
+
+// What the method `auto` did with an island.
+struct Choice {
+    std::uint32_t first_body, bodies;
+    Reason reason;
+    Method method;
+    std::uint32_t substeps, iterations, swept; // iterations: at most
+    bool met;
+    double residual; // m/s
 };
 
 // The solve left the range of numbers: what() names the body. Nothing was written.
@@ -100,6 +111,9 @@ class Solver {
     virtual const Statistics& statistics() const = 0;
     virtual std::span<const double> residual_trace() const = 0;
     virtual std::span<const std::uint32_t> split_counts() const = 0;
+    // Whether it has the method `auto`, and what that did in the last step, by island.
+    virtual bool chooses() const { return false; }
+    virtual std::span<const Choice> choices() const { return {}; }
     virtual void reset() = 0;
     virtual std::vector<std::byte> save_cache() const = 0;
     // Throws std::invalid_argument with what is wrong; then nothing was changed.

@@ -9,7 +9,9 @@
 #include "kernels.h"
 #include "pool.h"
 
+#include <array>
 #include <chrono>
+#include <cmath>
 #include <numeric>
 
 namespace cairn {
@@ -20,11 +22,16 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
+// When each island of a step may stop, under the method `auto`: the squared residual that it must come below, and the largest in
+// which the sweeps of a substep have ended, restitution apart.
+template <class S> struct Stop { S square, worst; };
+
 template <class S> struct CpuExecutor {
     Frame<S>& frame;
     Pool& pool;
     RunStage<S> stage_entry;
     Statistics& statistics;
+    std::span<Stop<S>> stops; // of every island, or none: then the frame's tolerance holds for all
 
     void each(Stage stage) {
         const Clock::time_point start = Clock::now();
@@ -41,6 +48,8 @@ template <class S> struct CpuExecutor {
             break;
         case Domain::islands:
             pool.each(frame.island_count, 16, loop);
+            if (stage == Stage::reduce && !stops.empty())
+                stop_islands();
             break;
         }
         *clock_of(stage) += seconds_since(start);
@@ -68,6 +77,19 @@ template <class S> struct CpuExecutor {
             return &statistics.time_finish;
         }
     }
+    // After reduce(), as that does with a tolerance for all.
+    void stop_islands() {
+        for (std::uint32_t i = 0; i < frame.island_count; ++i) {
+            Control<S>& c = frame.control[i];
+            if (!(c.active > 0))
+                continue;
+            const bool met = c.residual < stops[i].square;
+            if ((met || frame.last_sweep) && frame.phase != Phase::restitution)
+                stops[i].worst = std::max(stops[i].worst, c.residual);
+            if (met)
+                c.active = c.beta = 0;
+        }
+    }
     bool rests() const {
         for (std::uint32_t i = 0; i < frame.island_count; ++i)
             if (frame.control[i].active > 0)
@@ -76,76 +98,169 @@ template <class S> struct CpuExecutor {
     }
 };
 
+// What is solved with one set of parameters: the whole step, or under `auto` the islands that go by one schedule.
+template <class S> struct Part {
+    explicit Part(const Hooks& hooks) : scene(hooks) {}
+
+    void solve(const Input& input, const WarmStartCache& cache, const Selection* selection, Pool& pool, RunStage<S> stage_entry,
+               Statistics& now) {
+        const Clock::time_point start = Clock::now();
+        scene.pack(input, params, cache, selection);
+        Frame<S>& f = scene.frame;
+        now.time_pack += seconds_since(start);
+        plan = plan_of(params, f.contact_groups + f.joint_groups + f.raw_groups > 0, scene.bounces);
+        stops.clear();
+        if (selection) {
+            for (const Survey::Island& island : selection->survey->islands)
+                if (island.reason == selection->reason)
+                    stops.push_back({static_cast<S>(params.tolerance * params.tolerance * island_scale(island.features)), S(0)});
+            f.reduces = plan.stops = true;
+        }
+        counted = f.reduces;
+        CpuExecutor<S> run{f, pool, stage_entry, now, stops};
+        run_schedule(run, plan);
+        if (const std::string bad = scene.not_finite(); !bad.empty())
+            throw NotFinite(bad);
+    }
+    void count(Statistics& to) const {
+        const Frame<S>& f = scene.frame;
+        to.bodies += f.movable_count;
+        to.contacts += scene.contacts;
+        to.manifolds += scene.manifolds;
+        to.joints += scene.joints;
+        to.rows += scene.rows;
+        to.islands += f.island_count;
+        count_sweeps(plan, counted, f.control, f.island_count, to);
+        for (std::uint32_t chunk = 0; chunk < f.body_count; chunk += kEnergyChunk)
+            to.kinetic_energy_change +=
+                std::accumulate(f.energy_change + chunk, f.energy_change + std::min(chunk + kEnergyChunk, f.body_count), 0.0);
+        to.warm_started += scene.warm_started;
+        for (std::uint32_t i = 0; i < f.body_count; ++i)
+            to.rotation_clamped += f.rotation_clamped[i];
+    }
+
+    Scene<S> scene;
+    std::vector<Stop<S>> stops; // by island, under `auto`
+    Params params{};
+    Plan plan{};
+    bool counted = false; // sweeps, by islands; else every one sweeps every time
+};
+
 template <class S> class SolverOf final : public Solver {
   public:
     SolverOf(const Config& config, Isa isa, RunStage<S> stage_entry)
-        : hooks_(config.hooks), isa_(isa), stage_entry_(stage_entry), pool_(config.threads, hooks_), scene_(hooks_) {
+        : hooks_(config.hooks), isa_(isa), stage_entry_(stage_entry), pool_(config.threads, hooks_) {
         params = preset(Method::tjsoft, Preset::best);
     }
 
     void begin(const Input& input, const Output& output) override { // to the end: there is nothing to wait for
         const Clock::time_point start = Clock::now();
         Statistics now;
-        scene_.pack(input, params, cache_);
-        Frame<S>& f = scene_.frame;
-        now.time_pack = seconds_since(start);
-
-        const bool constrained = f.contact_groups + f.joint_groups + f.raw_groups > 0;
-        const Plan plan = plan_of(params, constrained, scene_.bounces);
-        const bool counted = f.reduces; // by islands; else every one sweeps every time
-        CpuExecutor<S> run{f, pool_, stage_entry_, now};
-        run_schedule(run, plan);
-        if (const std::string bad = scene_.not_finite(); !bad.empty())
-            throw NotFinite(bad);
+        if (params.method == Method::automatic)
+            solve_by_kind(input, now);
+        else
+            solve_alike(input, now);
 
         const Clock::time_point finish = Clock::now();
-        scene_.remember(input, next_cache_);
-        trace_sweeps(plan, f.trace, f.island_count, next_trace_);
-        scene_.write(input, output);
-        std::swap(cache_, next_cache_);
-        now.bodies = f.movable_count;
-        now.contacts = scene_.contacts;
-        now.manifolds = scene_.manifolds;
-        now.joints = scene_.joints;
-        now.rows = scene_.rows;
-        now.islands = f.island_count;
-        now.substeps = plan.substeps;
-        count_sweeps(plan, counted, f.control, f.island_count, now);
-        for (std::uint32_t chunk = 0; chunk < f.body_count; chunk += kEnergyChunk)
-            now.kinetic_energy_change +=
-                std::accumulate(f.energy_change + chunk, f.energy_change + std::min(chunk + kEnergyChunk, f.body_count), 0.0);
-        now.warm_started = scene_.warm_started;
-        for (std::uint32_t i = 0; i < f.body_count; ++i)
-            now.rotation_clamped += f.rotation_clamped[i];
+        next_cache_.clear();
+        next_trace_.clear();
+        next_split_counts_.assign(input.bodies.count, 0);
+        double square = 0; // of the last sweeps' residuals
+        for (const std::uint32_t p : used_) {
+            Part<S>& part = *parts_[p];
+            part.scene.remember(input, next_cache_);
+            trace_sweeps(part.plan, part.scene.frame.trace, part.scene.frame.island_count, part_trace_);
+            next_trace_.insert(next_trace_.end(), part_trace_.begin(), part_trace_.end());
+            if (!part_trace_.empty())
+                square += part_trace_.back() * part_trace_.back();
+            part.count(now);
+            for (std::size_t i = 0; i < next_split_counts_.size(); ++i)
+                next_split_counts_[i] += part.scene.split_counts[i];
+        }
+        next_cache_.index();
+        now.residual = used_.size() == 1 && !part_trace_.empty() ? part_trace_.back() : std::sqrt(square);
         now.threads = pool_.threads();
         now.isa = isa_;
-        if (!next_trace_.empty())
-            now.residual = next_trace_.back();
+
+        Scene<S>::clear(input, output); // no allocation from here on
+        for (const std::uint32_t p : used_)
+            parts_[p]->scene.write(input, output);
+        std::swap(cache_, next_cache_);
         now.time_finish += seconds_since(finish);
         now.time_total = seconds_since(start);
         statistics_ = now;
         trace_.swap(next_trace_);
-        split_counts_.swap(scene_.split_counts); // no allocation once results are written
+        split_counts_.swap(next_split_counts_);
+        choices_.swap(next_choices_);
     }
 
     Pool* pool() override { return &pool_; }
     const Statistics& statistics() const override { return statistics_; }
     std::span<const double> residual_trace() const override { return trace_; }
     std::span<const std::uint32_t> split_counts() const override { return split_counts_; }
+    bool chooses() const override { return true; }
+    std::span<const Choice> choices() const override { return choices_; }
     void reset() override { cache_.clear(); }
     std::vector<std::byte> save_cache() const override { return cache_.save(); }
     void load_cache(std::span<const std::byte> bytes) override { cache_.load(bytes); }
 
   private:
+    void solve_alike(const Input& input, Statistics& now) {
+        used_.clear();
+        next_choices_.clear();
+        solve_part(0, params, input, nullptr, now);
+    }
+
+    // Islands are independent: those of one kind after those of another, each kind packed alone.
+    void solve_by_kind(const Input& input, Statistics& now) {
+        const Clock::time_point start = Clock::now();
+        survey_.look(input);
+        std::array<bool, kReasonCount> found{};
+        for (const Survey::Island& island : survey_.islands)
+            found[static_cast<std::size_t>(island.reason)] = true;
+        now.time_pack += seconds_since(start);
+        used_.clear();
+        for (std::uint32_t kind = 0; kind < kReasonCount; ++kind)
+            if (found[kind]) {
+                const Selection selection{&survey_, static_cast<Reason>(kind)};
+                solve_part(kind, params_of(selection.reason, params), input, &selection, now);
+            }
+        next_choices_.clear();
+        std::array<std::uint32_t, kReasonCount> next{}; // island of a part
+        for (const Survey::Island& island : survey_.islands) {
+            const auto kind = static_cast<std::size_t>(island.reason);
+            const Part<S>& part = *parts_[kind];
+            const std::uint32_t i = next[kind]++;
+            const Control<S>& control = part.scene.frame.control[i];
+            const Stop<S>& stop = part.stops[i];
+            const bool swept = island.reason != Reason::alone;
+            next_choices_.push_back({island.first_body, island.features.bodies, island.reason, part.params.method, part.params.substeps,
+                                     swept ? part.params.iterations : 0, swept ? control.sweeps[0] + control.sweeps[1] : 0,
+                                     !swept || stop.worst < stop.square,
+                                     std::sqrt(static_cast<double>(stop.worst) / island_scale(island.features))});
+        }
+    }
+
+    void solve_part(std::uint32_t p, const Params& with, const Input& input, const Selection* selection, Statistics& now) {
+        while (parts_.size() <= p)
+            parts_.push_back(std::make_unique<Part<S>>(hooks_));
+        parts_[p]->params = with;
+        used_.push_back(p);
+        parts_[p]->solve(input, cache_, selection, pool_, stage_entry_, now);
+    }
+
     Hooks hooks_;
     Isa isa_;
     RunStage<S> stage_entry_;
     Pool pool_;
-    Scene<S> scene_;
+    Survey survey_;
+    std::vector<std::unique_ptr<Part<S>>> parts_; // by kind; without `auto` the first alone
+    std::vector<std::uint32_t> used_;             // parts of the step
     WarmStartCache cache_, next_cache_;
     Statistics statistics_;
-    std::vector<double> trace_, next_trace_;
-    std::vector<std::uint32_t> split_counts_;
+    std::vector<double> trace_, next_trace_, part_trace_;
+    std::vector<std::uint32_t> split_counts_, next_split_counts_;
+    std::vector<Choice> choices_, next_choices_;
 };
 
 #if defined(__x86_64__)

@@ -11,7 +11,7 @@ namespace cairn {
 
 // `counted`: the control records have counts, since the sweeps were reduced; else every island made every sweep.
 template <class S> void count_sweeps(const Plan& plan, bool counted, const Control<S>* control, std::size_t islands, Statistics& to) {
-    to.substeps = plan.substeps;
+    to.substeps = std::max(to.substeps, plan.substeps);
     if (!plan.constrained)
         return;
     to.position_iterations = plan.position_iterations * plan.substeps;

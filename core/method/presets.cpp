@@ -15,6 +15,7 @@ Params preset(Method method, Preset preset) {
     p.friction_model = Friction::cone;
     p.splitting = Splitting::point;
     p.restitution_threshold = 0.5;
+    p.tolerance = method == Method::automatic ? 1e-3 : 0;
     if (preset == Preset::paper) {
         p.position_iterations = row.position_sweeps ? 300 : 0; // the paper gives no number; its times fit one to each sweep
         p.contact_baumgarte = p.joint_baumgarte = row.substeps ? 0.6 : 0.2;

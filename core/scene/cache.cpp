@@ -118,5 +118,10 @@ void WarmStartCache::clear() {
     joints.clear();
     rows.clear();
 }
+void WarmStartCache::index() {
+    contacts.index();
+    joints.index();
+    rows.index();
+}
 
 } // namespace cairn

@@ -44,6 +44,7 @@ struct WarmStartCache {
     std::vector<std::byte> save() const;
     void load(std::span<const std::byte> bytes);
     void clear();
+    void index(); // after the last insert
 };
 
 } // namespace cairn

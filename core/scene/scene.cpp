@@ -13,7 +13,7 @@ Scene<S>::Scene(const Hooks& hooks)
       lane_partial_(hooks), lane_island_(hooks), moving_(hooks), body_island_(hooks), slot_begin_(hooks), clamped_(hooks),
       island_begin_(hooks), island_bounces_(hooks), energy_change_(hooks), control_(hooks), trace_(hooks) {}
 
-template <class S> void Scene<S>::pack_bodies(const Input& input, std::uint32_t substeps) {
+template <class S> void Scene<S>::pack_bodies(const Input& input, std::uint32_t substeps, const Selection* selection) {
     const BodyColumns& in = input.bodies;
     const std::size_t count = in.count;
     frame.body_count = static_cast<std::uint32_t>(count);
@@ -27,9 +27,14 @@ template <class S> void Scene<S>::pack_bodies(const Input& input, std::uint32_t 
     moving_.resize(count);
     energy_change_.resize_filled(count, 0);
     displacement_[8 * count + 7] = 1;
-    for (std::size_t i = 0; i < count; ++i)
+    for (std::size_t i = 0; i < count; ++i) {
+        if (selection && !selection->holds(static_cast<std::uint32_t>(i))) { // as if it were still and could not move
+            constants_[i].movable = false;
+            continue;
+        }
         pack_body<S>(in, i, input.dt, input.gravity, substeps,
                      {&constants_[i], velocity_.data() + 8 * i, displacement_.data() + 8 * i, mass_.data() + 8 * i});
+    }
     std::uint32_t moving = 0;
     for (std::uint32_t i = 0; i < frame.body_count; ++i)
         if (constants_[i].movable)
@@ -41,9 +46,9 @@ template <class S> void Scene<S>::pack_bodies(const Input& input, std::uint32_t 
     frame.moving_count = moving;
 }
 
-template <class S> void Scene<S>::pack(const Input& input, const Params& params, const WarmStartCache& cache) {
+template <class S> void Scene<S>::pack(const Input& input, const Params& params, const WarmStartCache& cache, const Selection* selection) {
     set_parameters(frame, params, input.dt);
-    pack_bodies(input, params.substeps);
+    pack_bodies(input, params.substeps, selection);
     find_blocks(input, params);
     find_islands();
     lay_out(input);
@@ -135,21 +140,24 @@ template <class S> std::string Scene<S>::not_finite() const {
     return {};
 }
 
+template <class S> void Scene<S>::clear(const Input& input, const Output& output) {
+    for (std::size_t i = 0; i < input.contacts.count; ++i)
+        clear_contact(output, i);
+    for (std::size_t i = 0; i < input.joints.count; ++i)
+        clear_joint(output, i);
+    for (std::size_t i = 0; i < input.rows.count; ++i)
+        clear_row(output, i);
+}
+
 template <class S> void Scene<S>::write(const Input& input, const Output& output) const {
     for (std::uint32_t i = 0; i < frame.body_count; ++i)
         if (constants_[i].movable)
             write_body(input.bodies, output, i, velocity_.data() + 8 * std::size_t{i}, displacement_.data() + 8 * std::size_t{i});
-    for (std::size_t i = 0; i < input.contacts.count; ++i)
-        clear_contact(output, i);
     for (const Block& block : contact_blocks_)
         for (std::uint32_t p = 0; p < block.count; ++p)
             write_contact(output, block.first + p, contact_at(block, p), contact_cold_at(block, p), contact_extra_at(block, p));
-    for (std::size_t i = 0; i < input.joints.count; ++i)
-        clear_joint(output, i);
     for (const Block& block : joint_blocks_)
         write_joint(output, block.first, joint_at(block), joint_cold_at(block));
-    for (std::size_t i = 0; i < input.rows.count; ++i)
-        clear_row(output, i);
     for (const Block& block : raw_blocks_)
         for (std::uint32_t r = 0; r < block.count; ++r)
             write_row(output, block.first + r, raw_at(block, r));
@@ -158,7 +166,6 @@ template <class S> void Scene<S>::write(const Input& input, const Output& output
 template <class S> void Scene<S>::remember(const Input& input, WarmStartCache& cache) const {
     const double per_h = 1 / static_cast<double>(frame.h);
     double values[kJointMemory];
-    cache.clear();
     if (input.contacts.key.present())
         for (const Block& block : contact_blocks_)
             for (std::uint32_t p = 0; p < block.count; ++p) {
@@ -176,9 +183,6 @@ template <class S> void Scene<S>::remember(const Input& input, WarmStartCache& c
                 remember_row(raw_at(block, r), per_h, values);
                 cache.rows.insert(input.rows.key.key(block.first + r), values);
             }
-    cache.contacts.index();
-    cache.joints.index();
-    cache.rows.index();
 }
 
 template class Scene<float>;

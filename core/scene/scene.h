@@ -5,6 +5,7 @@
 #include "cache.h"
 #include "frame.h"
 #include "input.h"
+#include "survey.h"
 
 #include <string>
 #include <vector>
@@ -24,12 +25,14 @@ template <class S> class Scene {
   public:
     explicit Scene(const Hooks& hooks);
 
-    // Packs a step. Throws std::bad_alloc.
-    void pack(const Input& input, const Params& params, const WarmStartCache& cache);
+    // Packs a step, or the selected islands of it alone. Throws std::bad_alloc.
+    void pack(const Input& input, const Params& params, const WarmStartCache& cache, const Selection* selection = nullptr);
     // The body that is no longer finite, or an empty text.
     std::string not_finite() const;
+    // Zeros for every contact, joint and row, before what has an effect is written.
+    static void clear(const Input& input, const Output& output);
     void write(const Input& input, const Output& output) const;
-    // Impulses of the last substep, for the next step: after the schedule.
+    // Adds the impulses of the last substep, for the next step: after the schedule.
     void remember(const Input& input, WarmStartCache& cache) const;
 
     Frame<S> frame{};
@@ -59,7 +62,7 @@ template <class S> class Scene {
     S* raw_at(const Block& block, std::uint32_t r) const { return field_of(frame.raw, kRawFields, raw_groups_, raw_lane(block), r); }
 
   private:
-    void pack_bodies(const Input& input, std::uint32_t substeps);
+    void pack_bodies(const Input& input, std::uint32_t substeps, const Selection* selection);
     void find_blocks(const Input& input, const Params& params);
     void find_islands();
     void lay_out(const Input& input);

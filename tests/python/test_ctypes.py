@@ -69,7 +69,7 @@ WHOLE_PARAMS = (
 REAL_PARAMS = (
     "contact_warm_start joint_warm_start relax_share contact_baumgarte joint_baumgarte contact_hertz "
     "contact_damping_ratio joint_hertz joint_damping_ratio hertz_limit static_hertz_scale max_push_speed "
-    "restitution_threshold residual_tolerance contact_hertz_floor"
+    "restitution_threshold residual_tolerance contact_hertz_floor tolerance"
 )
 
 
@@ -136,6 +136,8 @@ class Api(c.Structure):
                 c.POINTER(c.c_int32),
             ),
         ),
+        ("reason_text", c.CFUNCTYPE(c.c_char_p, c.c_uint32)),
+        ("solver_choices", c.CFUNCTYPE(Status, Solver, c.c_void_p, c.c_size_t, c.POINTER(c.c_size_t))),
     )
 
 

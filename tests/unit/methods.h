@@ -1,4 +1,4 @@
-// Tests that run once a method: derive a fixture from EachMethod and instantiate it with CAIRN_EACH_METHOD.
+// Tests that run once a method of the paper: derive a fixture from EachMethod and instantiate it with CAIRN_EACH_METHOD.
 #pragma once
 #include "scene.h"
 
@@ -10,6 +10,6 @@ class EachMethod : public testing::TestWithParam<std::uint32_t> {};
 
 inline std::string method_test_name(const testing::TestParamInfo<std::uint32_t>& method) { return cairn_method_name(method.param); }
 
-#define CAIRN_EACH_METHOD(fixture) INSTANTIATE_TEST_SUITE_P(Each, fixture, testing::Range(0u, CAIRN_METHOD_COUNT), method_test_name)
+#define CAIRN_EACH_METHOD(fixture) INSTANTIATE_TEST_SUITE_P(Each, fixture, testing::Range(0u, CAIRN_METHOD_AUTO), method_test_name)
 
 } // namespace cairn_test

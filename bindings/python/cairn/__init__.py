@@ -15,7 +15,7 @@
 
 from . import _cairn
 from .evaluation import Evaluation, Measures, evaluate
-from .solver import METHODS, PRESETS, Error, Params, Solver, info, joint_axes, preset
+from .solver import METHODS, PRESETS, REASONS, Error, Params, Solver, info, joint_axes, preset
 from .tables import (
     AT_END_POSE,
     BY_AXES,
@@ -42,6 +42,6 @@ __version__ = _cairn.version
 
 __all__ = [
     "AT_END_POSE", "BY_AXES", "CONE", "DRIVEN", "FREE", "LIMITED", "LOCKED", "METHODS", "NO_GYROSCOPIC", "PRESETS",
-    "ROUND_A", "ROUND_B", "SERVO", "SPRING", "VECTOR", "WORLD", "Bodies", "Contacts", "Error", "Evaluation", "Joints",
-    "Measures", "Params", "Results", "Rows", "Solver", "evaluate", "info", "joint_axes", "preset",
+    "REASONS", "ROUND_A", "ROUND_B", "SERVO", "SPRING", "VECTOR", "WORLD", "Bodies", "Contacts", "Error", "Evaluation",
+    "Joints", "Measures", "Params", "Results", "Rows", "Solver", "evaluate", "info", "joint_axes", "preset",
 ]  # fmt: skip

@@ -17,7 +17,7 @@ from tqdm import tqdm
 from . import __version__, scenes
 from . import summary as summaries
 from .run import METHODS, STOCK, Recording, build_text, check_method, run, split_settings
-from .solver import PRESETS, Error, ParamValue, info, preset
+from .solver import PRESETS, Error, ParamValue, info, preset, presets_of
 
 ABOUT = {
     "pj": "projected Jacobi, Baumgarte bias",
@@ -25,6 +25,7 @@ ABOUT = {
     "pjsoft": "projected Jacobi, soft constraints",
     "tj": "substeps of pj",
     "tjsoft": "substeps of pjsoft",
+    "auto": "pjsoft or tjsoft for each island, stopping at params.tolerance (m/s)",
     "stock": "Bullet's own projected Gauss-Seidel",
     "stock-substeps": "the same through stepSimulation(dt, n, dt / n)",
     "nncg": "Bullet's own nonlinear conjugate gradients over its projected Gauss-Seidel",
@@ -152,7 +153,7 @@ def _command_methods(_: argparse.Namespace) -> None:
     rows = []
     for method in METHODS:
         plans = []
-        for name in () if method in STOCK else PRESETS:
+        for name in presets_of(method):
             values = preset(method, name)
             plan = f"{values['iterations']} iterations"
             if int(values["substeps"]) > 1:
@@ -160,7 +161,7 @@ def _command_methods(_: argparse.Namespace) -> None:
             if values["position_iterations"]:
                 plan += f" and {values['position_iterations']} of positions"
             plans.append(plan)
-        rows.append([method, ABOUT[method], *(plans or ["-", "-"])])
+        rows.append([method, ABOUT[method], *plans, *("-" for _ in PRESETS[len(plans) :])])
     print(tabulate(rows, headers=["method", "what it is", *(f"preset {name}" for name in PRESETS)], tablefmt="simple"))
 
 

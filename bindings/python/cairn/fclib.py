@@ -255,6 +255,8 @@ def compare(problem: Problem, tolerances: Sequence[float], most: int, precision:
     if problem.bodies is not None:
         for preset in PRESETS:
             for method in METHODS:
+                if method == "auto":  # it decides itself how many sweeps it makes
+                    continue
                 reached = Sweeps(problem, method, precision, preset=preset).reach(tolerances, most)
                 sweeps.append({"method": method, "preset": preset, "reached": [asdict(one) for one in reached]})
     return {

@@ -14,6 +14,7 @@ from ._cairn import Error
 from .tables import Bodies, Column, Contacts, Joints, Results, Rows, Table, columns_of
 
 METHODS = tuple(_cairn.method_names())
+REASONS = tuple(_cairn.reason_texts())  # why `auto` solves an island as it does
 PRESETS = ("default", "paper")
 INSTRUCTIONS = ("auto", "scalar", "sse2", "avx2", "avx512")
 BACKENDS = ("auto", "cpu", "cuda")
@@ -55,9 +56,19 @@ def _from_library(numbers: Mapping[str, float]) -> dict[str, ParamValue]:
 
 
 def preset(method: str, preset: str = "default") -> dict[str, ParamValue]:
-    """The parameters of a method ("pj", "pjnj", "pjsoft", "tj", "tjsoft") in a preset ("default", "paper"), by name."""
+    """The parameters of a method (one of METHODS) in a preset ("default", "paper"), by name.
+
+    cairn.Error for "auto" in "paper", which does not have it.
+    """
     numbers = _cairn.preset(_number("method", method, METHODS), _number("preset", preset, PRESETS))
     return _from_library(numbers)
+
+
+def presets_of(method: str) -> tuple[str, ...]:
+    """The presets that a method has; none if it is Bullet's own."""
+    if method not in METHODS:
+        return ()
+    return ("default",) if method == "auto" else PRESETS
 
 
 def joint_axes(kind: str) -> npt.NDArray[np.int32]:
@@ -120,9 +131,11 @@ class Params(Mapping[str, ParamValue]):
 class Solver:
     """A constraint solver with its warm-start cache, threads and buffers.
 
-    method: "pj", "pjnj", "pjsoft", "tj" or "tjsoft". preset: "default" or "paper". threads: 0 for as many as the
-    process may use. instructions ("auto", "scalar", "sse2", "avx2", "avx512") is for tests and measurements: results do
-    not depend on it, nor on threads. precision: 32, or 64 for the slow reference. params: changes to the preset.
+    method: "pj", "pjnj", "pjsoft", "tj", "tjsoft", or "auto", which chooses for every island and stops where `tolerance`
+    (m/s; see cairn_params) is met: `choices` says what it did. preset: "default" or "paper". threads: 0 for as many as
+    the process may use. instructions ("auto", "scalar", "sse2", "avx2", "avx512") is for tests and measurements:
+    results do not depend on it, nor on threads. precision: 32, or 64 for the slow reference. params: changes to the
+    preset.
 
     backend: "auto" (the CPU, unless the environment variable CAIRN_BACKEND is "cuda"), "cpu", or "cuda", the CUDA
     device that is current. executor ("auto", "block", "grid", "graph"): how the device runs the schedule; results do
@@ -287,6 +300,15 @@ class Solver:
         """[bodies] how many blocks shared each body in the last step: n_i of the paper's eq. 19."""
         return self._solver.split_counts()
 
+    @property
+    def choices(self) -> dict[str, npt.NDArray[Any]]:
+        """What `auto` did with each island in the last step, as columns by the names of cairn_choice in cairn.h.
+
+        [islands] each, in the order of their first bodies; empty under another method. reason indexes REASONS, method
+        METHODS; residual in m/s.
+        """
+        return self._solver.choices()
+
     def reset(self) -> None:
         """Forget the warm-start cache."""
         self._solver.reset()
@@ -300,4 +322,4 @@ class Solver:
         self._solver.load_cache(cache)
 
 
-__all__ = ["METHODS", "PRESETS", "Error", "Params", "Solver", "info", "joint_axes", "preset"]
+__all__ = ["METHODS", "PRESETS", "REASONS", "Error", "Params", "Solver", "info", "joint_axes", "preset", "presets_of"]

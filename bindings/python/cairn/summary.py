@@ -9,7 +9,7 @@ Summary = dict[str, Any]
 
 KEYS: dict[str, str] = {
     "scene": "name of the scene",
-    "method": "pj, pjnj, pjsoft, tj, tjsoft (Cairn); stock, stock-substeps (Bullet's own PGS), nncg, dantzig "
+    "method": "pj, pjnj, pjsoft, tj, tjsoft, auto (Cairn); stock, stock-substeps (Bullet's own PGS), nncg, dantzig "
     "(its others)",
     "preset": "default or paper; null for Bullet's own",
     "iterations": "velocity iterations of a step in all, shared out over its substeps",

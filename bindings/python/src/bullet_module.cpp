@@ -70,6 +70,7 @@ template <class Params, class Visit> void eachParam(Params& p, Visit visit) {
     visit("restitution_threshold", p.restitution_threshold);
     visit("residual_tolerance", p.residual_tolerance);
     visit("contact_hertz_floor", p.contact_hertz_floor);
+    visit("tolerance", p.tolerance);
 }
 
 py::dict paramsOf(const World& world) {

@@ -48,6 +48,7 @@ constexpr Number<cairn_params> kParams[] = {
     number("restitution_threshold", &cairn_params::restitution_threshold),
     number("residual_tolerance", &cairn_params::residual_tolerance),
     number("contact_hertz_floor", &cairn_params::contact_hertz_floor),
+    number("tolerance", &cairn_params::tolerance),
 };
 
 constexpr Number<cairn_statistics> kStatistics[] = {
@@ -215,6 +216,39 @@ class Solver {
     py::array_t<double> residual_trace() { return values<double>(cairn_solver_residual_trace); }
     py::array_t<std::uint32_t> split_counts() { return values<std::uint32_t>(cairn_solver_split_counts); }
 
+    // Columns by the names of cairn_choice.
+    py::dict choices() {
+        std::vector<cairn_choice> found;
+        call([&] {
+            std::size_t count = 0;
+            cairn_status status = cairn_solver_choices(solver_, nullptr, 0, &count);
+            if (count > 0 && status == CAIRN_OK) {
+                found.resize(count);
+                status = cairn_solver_choices(solver_, found.data(), count, &count);
+            }
+            return status;
+        });
+        const auto column = [&](const char* name, auto cairn_choice::*field, py::dict& to) {
+            using Value = std::decay_t<decltype(std::declval<cairn_choice>().*field)>;
+            py::array_t<Value> values(static_cast<py::ssize_t>(found.size()));
+            for (std::size_t i = 0; i < found.size(); ++i) {
+                values.mutable_at(i) = found[i].*field;
+            }
+            to[name] = values;
+        };
+        py::dict columns;
+        column("first_body", &cairn_choice::first_body, columns);
+        column("bodies", &cairn_choice::bodies, columns);
+        column("reason", &cairn_choice::reason, columns);
+        column("method", &cairn_choice::method, columns);
+        column("substeps", &cairn_choice::substeps, columns);
+        column("iterations", &cairn_choice::iterations, columns);
+        column("swept", &cairn_choice::swept, columns);
+        column("met", &cairn_choice::met, columns);
+        column("residual", &cairn_choice::residual, columns);
+        return columns;
+    }
+
     void reset() {
         call([&] { return cairn_solver_reset(solver_); });
     }
@@ -344,6 +378,14 @@ std::vector<std::string> method_names() {
     return names;
 }
 
+std::vector<std::string> reason_texts() {
+    std::vector<std::string> texts;
+    for (std::uint32_t reason = 0; cairn_reason_text(reason); ++reason) {
+        texts.emplace_back(cairn_reason_text(reason));
+    }
+    return texts;
+}
+
 py::dict preset(std::uint32_t method, std::uint32_t preset) {
     cairn_params params = {};
     params.struct_size = sizeof params;
@@ -397,6 +439,7 @@ PYBIND11_MODULE(_cairn, module) {
     module.attr("version") = version_text({CAIRN_VERSION_MAJOR, CAIRN_VERSION_MINOR, CAIRN_VERSION_PATCH});
     module.def("info", &info);
     module.def("method_names", &method_names);
+    module.def("reason_texts", &reason_texts);
     module.def("preset", &preset, py::arg("method"), py::arg("preset"));
     module.def("joint_axes", &joint_axes, py::arg("joint"));
     module.def("evaluate", &evaluate, py::arg("dt"), py::arg("gravity"), py::arg("bodies"), py::arg("contacts"), py::arg("joints"),
@@ -418,6 +461,7 @@ PYBIND11_MODULE(_cairn, module) {
         .def("statistics", &Solver::statistics)
         .def("residual_trace", &Solver::residual_trace)
         .def("split_counts", &Solver::split_counts)
+        .def("choices", &Solver::choices)
         .def("reset", &Solver::reset)
         .def("save_cache", &Solver::save_cache)
         .def("load_cache", &Solver::load_cache, py::arg("cache"));

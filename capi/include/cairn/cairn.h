@@ -258,7 +258,9 @@ typedef struct cairn_results {
 #define CAIRN_METHOD_PJSOFT 2u /* projected Jacobi, soft constraints */
 #define CAIRN_METHOD_TJ 3u     /* substeps of PJ */
 #define CAIRN_METHOD_TJSOFT 4u /* substeps of PJSoft */
-#define CAIRN_METHOD_COUNT 5u
+#define CAIRN_METHOD_AUTO 5u   /* for every island (bodies tied by contacts, joints and rows) one of the above, by what the island is made
+                                  of; stops where params.tolerance is met; on the CPU alone. See cairn_choice */
+#define CAIRN_METHOD_COUNT 6u
 
 #define CAIRN_PRESET_DEFAULT 0u /* the best that Cairn can show */
 #define CAIRN_PRESET_PAPER 1u   /* the paper's: cold start, split by point, 300 iterations in all, no speed cap */
@@ -301,10 +303,14 @@ typedef struct cairn_params {
     double static_hertz_scale;       /* contact_hertz is multiplied by this against bodies that cannot move; > 0 */
     double max_push_speed;           /* m/s, > 0, cap on the speed that pushes overlapping contacts apart; infinity: none */
     double restitution_threshold;    /* m/s, >= 0: slower approaches do not bounce */
-    double residual_tolerance;       /* an island stops sweeping when its residual is below; 0: never */
+    double residual_tolerance;       /* sqrt(J), an island stops sweeping when its residual is below; 0: never; 0 under AUTO */
     double contact_hertz_floor;      /* contact_hertz is at least contact_hertz_floor / substep, and contact_damping_ratio then higher in
                                         proportion: shorter substeps carry stiffer contacts, which sink less and push out no faster;
                                         >= 0, 0: contact_hertz as it is */
+    double tolerance;                /* m/s, >= 0; AUTO only, else 0. An island's sweeps stop, in each substep, where one changes the speeds of
+                                        its n bodies by less in root mean square: where the residual is below tolerance * sqrt(n m), m the
+                                        lightest one's mass. iterations and substeps are then the most that a step of any island may have;
+                                        0: all of them are made */
 } cairn_params;
 
 /* ---- Solver ------------------------------------------------------------------------------------------------------ */
@@ -450,6 +456,24 @@ typedef struct cairn_evaluation {
     double angular_momentum_total;  /* N m s, likewise about the centre of mass, at the start's positions */
     double kinetic_energy;          /* J: E+ - E - h (force . (v + v+) / 2 + torque . (w + w+) / 2), what the constraints added; negative: took */
 } cairn_evaluation;
+/* What CAIRN_METHOD_AUTO did with an island in the last step. Layout fixed for ever: 40 bytes. */
+#define CAIRN_REASON_ALONE 0u    /* no constraints */
+#define CAIRN_REASON_CONTACTS 1u /* contacts alone, the heaviest body at most 10 times the lightest */
+#define CAIRN_REASON_UNEVEN 2u   /* contacts alone, masses further apart */
+#define CAIRN_REASON_JOINTS 3u   /* at most four joints (raw rows count six to one), no ring of them, like masses */
+#define CAIRN_REASON_STIFF 4u    /* more joints, a ring of them, or unlike masses */
+
+typedef struct cairn_choice {
+    uint32_t first_body; /* the island's first body that can move */
+    uint32_t bodies;     /* its bodies that can move */
+    uint32_t reason;     /* CAIRN_REASON_... */
+    uint32_t method;     /* CAIRN_METHOD_..., the one taken */
+    uint32_t substeps;
+    uint32_t iterations; /* velocity sweeps that the step had at most, relaxation included */
+    uint32_t swept;      /* how many were made; all of them where the tolerance is 0 */
+    uint32_t met;        /* 1: in every substep the sweeps, and those without bias, ended below the tolerance */
+    double residual;     /* m/s, in the tolerance's measure, of the substep in which they ended worst */
+} cairn_choice;
 
 typedef struct cairn_info {
     uint32_t struct_size;
@@ -464,11 +488,14 @@ typedef struct cairn_info {
 CAIRN_API const char *cairn_last_error(void);
 /* Short name of a status: "invalid data". NULL for an unknown one. */
 CAIRN_API const char *cairn_status_name(cairn_status status);
-/* "pj", "pjnj", "pjsoft", "tj", "tjsoft"; NULL for an unknown one. */
+/* "pj", "pjnj", "pjsoft", "tj", "tjsoft", "auto"; NULL for an unknown one. */
 CAIRN_API const char *cairn_method_name(uint32_t method);
 CAIRN_API cairn_status cairn_get_info(cairn_info *info);
 
-/* Fills params (struct_size must be set) for a method; every field is then valid. */
+/* CAIRN_REASON_... in words, and with what is done about it; NULL for an unknown one. */
+CAIRN_API const char *cairn_reason_text(uint32_t reason);
+
+/* Fills params (struct_size must be set) for a method; every field is then valid. AUTO has no CAIRN_PRESET_PAPER. */
 CAIRN_API cairn_status cairn_params_preset(uint32_t method, uint32_t preset, cairn_params *params);
 /* Fills axes[6] for CAIRN_JOINT_... */
 CAIRN_API cairn_status cairn_joint_axes(uint32_t joint, uint32_t *axes);
@@ -477,7 +504,7 @@ CAIRN_API cairn_status cairn_joint_axes(uint32_t joint, uint32_t *axes);
 CAIRN_API cairn_status cairn_solver_create(const cairn_config *config, cairn_solver **solver);
 /* NULL is allowed. */
 CAIRN_API void cairn_solver_destroy(cairn_solver *solver);
-/* Refused as a whole if any field is out of range. A shorter struct keeps the method's default for what it lacks. */
+/* Refused as a whole if any field is out of range, and CAIRN_METHOD_AUTO by a CUDA backend (CAIRN_ERROR_UNSUPPORTED). A shorter struct keeps the method's default for what it lacks. */
 CAIRN_API cairn_status cairn_solver_set_params(cairn_solver *solver, const cairn_params *params);
 CAIRN_API cairn_status cairn_solver_get_params(const cairn_solver *solver, cairn_params *params);
 
@@ -502,6 +529,11 @@ CAIRN_API cairn_status cairn_solver_residual_trace(const cairn_solver *solver, d
 /* n_i of paper eq. 19, per body of the last step: how many blocks share it. Same protocol. */
 CAIRN_API cairn_status cairn_solver_split_counts(const cairn_solver *solver, uint32_t *values, size_t capacity,
                                                  size_t *count);
+
+/* Of every island of the last step, in the order of their first bodies; none if its method was not CAIRN_METHOD_AUTO. Same protocol.
+ * Under AUTO the statistics are sums over the islands, substeps and iterations the most of any; the residual trace has the sweeps of
+ * CAIRN_REASON_CONTACTS's islands first, then those of the next reason, and so on. */
+CAIRN_API cairn_status cairn_solver_choices(const cairn_solver *solver, cairn_choice *values, size_t capacity, size_t *count);
 
 /* The warm-start cache: forget it; save it and load it, so that a run can be restarted with the same bits. */
 CAIRN_API cairn_status cairn_solver_reset(cairn_solver *solver);
@@ -551,6 +583,8 @@ typedef struct cairn_api {
     cairn_status (*solver_wait)(cairn_solver *);
     cairn_status (*solver_parallel_for)(cairn_solver *, uint32_t, cairn_task, void *);
     cairn_status (*evaluate)(const cairn_step *, const cairn_results *, cairn_evaluation *, cairn_evaluation *, size_t, size_t *, int32_t *);
+    const char *(*reason_text)(uint32_t);
+    cairn_status (*solver_choices)(const cairn_solver *, cairn_choice *, size_t, size_t *);
 } cairn_api;
 
 /* NULL if this library does not have that version (pass CAIRN_ABI_VERSION). */

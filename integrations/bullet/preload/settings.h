@@ -64,7 +64,7 @@ inline bool readSettings(Settings& settings, std::string& why) {
         while (!settings.stock && found < CAIRN_METHOD_COUNT && std::strcmp(method, cairn_method_name(found)) != 0)
             ++found;
         if (found == CAIRN_METHOD_COUNT) {
-            why = std::string("CAIRN_METHOD is \"") + method + "\": must be pj, pjnj, pjsoft, tj, tjsoft or stock";
+            why = std::string("CAIRN_METHOD is \"") + method + "\": must be pj, pjnj, pjsoft, tj, tjsoft, auto or stock";
             return false;
         }
         settings.method = settings.stock ? settings.method : found;

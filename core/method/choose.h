@@ -1,0 +1,63 @@
+// Method `auto`: the schedule of an island, from what it is made of and nothing else, so that an island is solved alike whatever stands
+// beside it.
+#pragma once
+#include "params.h"
+
+#include <algorithm>
+#include <cstdint>
+
+namespace cairn {
+
+// Why an island got its schedule; CAIRN_REASON_... of the public header.
+enum class Reason : std::uint32_t { alone, contacts, uneven, joints, stiff };
+constexpr std::uint32_t kReasonCount = 5;
+
+struct Features {
+    std::uint32_t bodies = 0, contacts = 0, joints = 0, rows = 0; // rows: raw ones
+    double lightest = 0, heaviest = 0;                            // kg, of its bodies that have a mass; 0: none has
+    bool loop = false;                                            // its joints close a ring, over what cannot move as well
+};
+
+// A row a reason: what is the same for all islands of that kind.
+struct Schedule {
+    const char* why;
+    Method method;
+    std::uint32_t substeps; // at most params.substeps
+};
+constexpr Schedule kSchedules[kReasonCount] = {
+    {"no constraints: one substep, nothing to sweep", Method::pjsoft, 1},
+    {"contacts between bodies of like mass: all sweeps in one soft step", Method::pjsoft, 1},
+    {"contacts between bodies of unlike mass: a few soft substeps", Method::tjsoft, 4},
+    {"a few joints between bodies of like mass: a few soft substeps", Method::tjsoft, 4},
+    {"many joints, a ring of joints, or joints between bodies of unlike mass: many soft substeps", Method::tjsoft, 10},
+};
+
+constexpr double kUnlikeMass = 10;      // heaviest / lightest
+constexpr std::uint32_t kFewJoints = 4; // raw rows count six to a joint
+
+inline Reason reason_of(const Features& f) {
+    const bool unlike = f.heaviest > kUnlikeMass * f.lightest;
+    const std::uint32_t tied = f.joints + (f.rows + 5) / 6;
+    if (tied > 0)
+        return unlike || f.loop || tied > kFewJoints ? Reason::stiff : Reason::joints;
+    if (f.contacts > 0)
+        return unlike ? Reason::uneven : Reason::contacts;
+    return Reason::alone;
+}
+
+// The parameters that an island of that kind is solved with.
+inline Params params_of(Reason reason, const Params& given) {
+    const Schedule& row = kSchedules[static_cast<std::uint32_t>(reason)];
+    Params p = given;
+    p.method = row.method;
+    p.substeps = std::min({row.substeps, given.substeps, given.iterations});
+    p.position_iterations = 0;
+    return p;
+}
+
+// An island stops where its residual r (sqrt(J), squared below) is under the tolerance times the square root of this: a sweep then
+// changes the speeds of its n bodies by at most the tolerance, in root mean square, since sum m |dv|^2 <= dlambda' D dlambda = r^2.
+// Bodies without mass, which only turn, count as 1 kg m^2.
+inline double island_scale(const Features& f) { return f.bodies * (f.lightest > 0 ? f.lightest : 1.0); }
+
+} // namespace cairn
