@@ -216,3 +216,10 @@ def test_motions_are_series_of_their_own() -> None:
     recording = run("rolling", "pj", iterations=300, frames=5, dt=0.001, settings={"contact_warm_start": 0.0})
     errors = recording.frames["velocity_error_m_s"]
     assert len(errors) == 5 and 0 < errors[-1] < 2e-3
+
+
+def test_the_jeep_arrives_on_a_bridge_that_holds() -> None:
+    recording = run("jeep-bridge", "tjsoft", frames=220, settings={"planks": 6})
+    assert recording.frames["progress_m"][-1] > 6 * 0.911 + 4
+    assert recording.summary["max_joint_error_m"] < 0.005
+    assert 0 < recording.frames["planks_shake_m"].max() < 0.05
