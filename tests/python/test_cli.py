@@ -92,7 +92,7 @@ def test_compare_aligns_methods() -> None:
         (["run", "stak", "--method", "tj"], "no scene is called 'stak'; there are stack, stack-1m, chain"),
         (
             ["run", "stack", "--method", "sor"],
-            "no method is called 'sor'; there are pj, pjnj, pjsoft, tj, tjsoft, stock",
+            "no method is called 'sor'; there are pj, pjnj, pjsoft, tj, tjsoft, auto, stock",
         ),
         (["compare", "stack", "--methods", "tj,sor"], "no method is called 'sor'"),
         (["compare", "stack", "--methods", ","], "--methods names none"),

@@ -193,7 +193,9 @@ class World:
 
 
 def test_a_ball_at_rest(api: Any) -> None:
-    assert [api.method_name(method) for method in range(6)] == [b"pj", b"pjnj", b"pjsoft", b"tj", b"tjsoft", None]
+    assert [api.method_name(method) for method in range(7)] == [
+        b"pj", b"pjnj", b"pjsoft", b"tj", b"tjsoft", b"auto", None,
+    ]  # fmt: skip
     solver = Solver()
     assert api.solver_create(None, c.byref(solver)) == OK
     params = Params(struct_size=c.sizeof(Params))

@@ -29,6 +29,15 @@ def test_keys_are_those_of_the_project_in_order() -> None:
     assert list(run("stack", "tj", frames=2, settings=SMALL).summary) == text.split()
 
 
+def test_auto_says_what_it_did() -> None:
+    recording = run("stack", "auto", frames=2, settings=SMALL)
+    assert recording.choices is not None and "contacts between bodies of like mass" in recording.choices
+    assert "tolerance met by" in recording.choices
+    chained = run("chain", "auto", frames=2, settings={"links": 10, "tolerance": 1e-1})
+    assert chained.choices is not None and "tjsoft, substeps 10" in chained.choices
+    assert run("stack", "tj", frames=2, settings=SMALL).choices is None
+
+
 def test_summary_of_a_small_stack() -> None:
     recording = run(
         "stack",

@@ -205,6 +205,11 @@ class BulletWorld:
         """[sweeps] sqrt(J), of the last step, if params has residual_trace = 1; RuntimeError behind a stock solver."""
         return cast(Array, self._world.residual_trace())
 
+    @property
+    def choices(self) -> dict[str, Array]:
+        """What the method "auto" did with each island in the last step: as cairn.Solver.choices."""
+        return cast("dict[str, Array]", self._world.choices())
+
     def set_velocity(self, body: int, linear: Any, angular: Any = (0.0, 0.0, 0.0)) -> None:
         """Give a body another velocity, m/s and rad/s."""
         self._world.set_velocity(

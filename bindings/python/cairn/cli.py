@@ -190,6 +190,10 @@ def _command_run(arguments: argparse.Namespace) -> None:
         _write_json(recording.summary, arguments.json)
     if arguments.json != "-":
         print(tabulate([[key, _shown(value)] for key, value in recording.summary.items()], tablefmt="plain"))
+        if recording.choices is not None:
+            print("auto, in the last step:")
+            for clause in recording.choices.split("; "):
+                print(f"  {clause}")
 
 
 def _shown(value: object) -> str:

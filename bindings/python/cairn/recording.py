@@ -39,6 +39,7 @@ class Recording:
     poses: Array  # [samples, bodies, 7] positions (m) and orientations (x, y, z, w), the start first
     pose_frames: Array  # [samples] the frame of each
     scene: Scene
+    choices: str | None = None  # what the method auto did in the last step, in words; None for the others
 
 
 @dataclass(frozen=True)

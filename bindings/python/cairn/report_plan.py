@@ -30,6 +30,7 @@ class Plan:
     substeps: Sequence[tuple[int, int]]  # iterations of a step in all, substeps
     sizes: Mapping[str, Sizes] = field(default_factory=dict)  # by scene, other than its own
     longest: int = 6000  # frames: of kapla a tenth, whose runs of an hour `cairn simbenchmark` makes
+    tolerances: Sequence[float] = (1e-1, 1e-2, 1e-3, 1e-4)  # m/s, of the method auto
     coarse: bool = False  # whether the maps have four columns and rows or so, not six
 
     def __post_init__(self) -> None:
@@ -93,6 +94,9 @@ def work_precision(plan: Plan, scene: str) -> list[Task]:
         for method in METHODS
         for preset in PRESETS
         for iterations, parts in (plan.substeps if method in ("tj", "tjsoft") else [(n, 1) for n in plan.iterations])
+    ]
+    found += [  # at most what the preset has of sweeps and substeps
+        Request(scene, "auto", 300, "default", 10, changes=(*changes, ("tolerance", t))) for t in plan.tolerances
     ]
     found += [
         Request(scene, name, n, changes=changes) for name in ("stock", "nncg", "dantzig") for n in plan.iterations

@@ -24,7 +24,7 @@ from .bullet import BulletWorld
 from .recording import Judge, Recording, Times
 from .scenes.model import Array, Scene
 from .solver import METHODS as CAIRN_METHODS
-from .solver import NOT_FINITE, Error, ParamValue, info
+from .solver import NOT_FINITE, REASONS, Error, ParamValue, info
 from .solver import preset as preset_of
 
 METHODS = (*CAIRN_METHODS, *STOCK)
@@ -142,6 +142,7 @@ def run(
         poses=np.array(poses, dtype=np.float64).reshape(-1, len(built.bodies), 7),
         pose_frames=np.array(pose_frames, dtype=np.float64),
         scene=built,
+        choices=runner.choices,
     )
 
 
@@ -159,6 +160,11 @@ class _Runner(ABC):
         self.rows: list[float] = []
         self.stage_ms: dict[str, list[float]] = {}
         self.residual_trace: Array = np.zeros(0)
+
+    @property
+    def choices(self) -> str | None:
+        """What the method auto did in the last step."""
+        return None
 
     @abstractmethod
     def step(self, frame: int, judge: Judge) -> bool:
@@ -204,6 +210,27 @@ class _Cairn(_Runner):
         spent = Times(1e3 * self.world.solver_seconds, 1e3 * self.world.step_seconds)
         change = statistics["kinetic_energy_change"]
         return judge.see(_state(self.world), self.world.contacts["separation"], change, spent)
+
+    @property
+    def choices(self) -> str | None:
+        return choices_text(self.world.choices) if self.world.method == "auto" else None
+
+
+def choices_text(choices: Mapping[str, Array]) -> str:
+    """`choices` of a solver in words, a clause for each reason that there is."""
+    clauses = []
+    for reason, text in enumerate(REASONS):
+        these = choices["reason"] == reason
+        count = int(these.sum())
+        if count == 0:
+            continue
+        method = CAIRN_METHODS[int(choices["method"][these][0])]
+        swept, substeps = int(choices["swept"][these].max()), int(choices["substeps"][these][0])
+        met = int((choices["met"][these] != 0).sum())
+        clauses.append(
+            f"{count} x {text} ({method}, substeps {substeps}, at most {swept} sweeps made, tolerance met by {met})"
+        )
+    return "; ".join(clauses)
 
 
 class _Stock(_Runner):

@@ -131,11 +131,11 @@ class Params(Mapping[str, ParamValue]):
 class Solver:
     """A constraint solver with its warm-start cache, threads and buffers.
 
-    method: "pj", "pjnj", "pjsoft", "tj", "tjsoft", or "auto", which chooses for every island and stops where `tolerance`
-    (m/s; see cairn_params) is met: `choices` says what it did. preset: "default" or "paper". threads: 0 for as many as
-    the process may use. instructions ("auto", "scalar", "sse2", "avx2", "avx512") is for tests and measurements:
-    results do not depend on it, nor on threads. precision: 32, or 64 for the slow reference. params: changes to the
-    preset.
+    method: "pj", "pjnj", "pjsoft", "tj", "tjsoft", or "auto", which chooses for every island and stops where
+    `tolerance` (m/s; see cairn_params) is met: `choices` says what it did. preset: "default" or "paper". threads: 0
+    for as many as the process may use. instructions ("auto", "scalar", "sse2", "avx2", "avx512") is for tests and
+    measurements: results do not depend on it, nor on threads. precision: 32, or 64 for the slow reference. params:
+    changes to the preset.
 
     backend: "auto" (the CPU, unless the environment variable CAIRN_BACKEND is "cuda"), "cpu", or "cuda", the CUDA
     device that is current. executor ("auto", "block", "grid", "graph"): how the device runs the schedule; results do

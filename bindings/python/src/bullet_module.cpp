@@ -1,6 +1,7 @@
 // The Python modules cairn._bullet (Bullet's float library) and cairn._bullet64 (its double library): one source, compiled
 // twice. Arrays leave as float64 whatever Bullet computes in.
 #include "bullet_module_world.h"
+#include "choices.h"
 
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -153,6 +154,15 @@ py::array_t<double> residualTrace(const World& world) {
     if (count > 0)
         check(cairn_solver_residual_trace(solver, values.mutable_data(), count, &count));
     return values;
+}
+
+py::dict choicesOf(const World& world) {
+    cairn_solver* solver = behind(world).handle();
+    std::size_t count = 0;
+    check(cairn_solver_choices(solver, nullptr, 0, &count));
+    std::vector<cairn_choice> found(count);
+    check(cairn_solver_choices(solver, found.data(), count, &count));
+    return cairn_python::columns_of(found);
 }
 
 py::dict contactsOf(const World& world) {
@@ -318,5 +328,6 @@ PYBIND11_MODULE(CAIRN_BULLET_MODULE_NAME, m) {
     world.def_property_readonly("step_seconds", &World::stepSeconds, "Of the last step, everything.");
     world.def_property("params", &paramsOf, &setParams, "cairn_params as a dict; set from a dict or from the struct's bytes.");
     world.def("statistics", &statisticsOf, "cairn_statistics of the last step.");
+    world.def("choices", &choicesOf, "What the method auto did with every island in the last step.");
     world.def("residual_trace", &residualTrace, "Residual of every velocity sweep of the last step, if params asked for it.");
 }

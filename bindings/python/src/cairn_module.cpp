@@ -1,5 +1,6 @@
 // The Python module `cairn._cairn`: the C interface with arrays and dicts in place of pointers. cairn/solver.py makes it friendly.
 #include "cairn_module.h"
+#include "choices.h"
 
 #include "scene/traffic.h"
 
@@ -216,7 +217,6 @@ class Solver {
     py::array_t<double> residual_trace() { return values<double>(cairn_solver_residual_trace); }
     py::array_t<std::uint32_t> split_counts() { return values<std::uint32_t>(cairn_solver_split_counts); }
 
-    // Columns by the names of cairn_choice.
     py::dict choices() {
         std::vector<cairn_choice> found;
         call([&] {
@@ -228,25 +228,7 @@ class Solver {
             }
             return status;
         });
-        const auto column = [&](const char* name, auto cairn_choice::*field, py::dict& to) {
-            using Value = std::decay_t<decltype(std::declval<cairn_choice>().*field)>;
-            py::array_t<Value> values(static_cast<py::ssize_t>(found.size()));
-            for (std::size_t i = 0; i < found.size(); ++i) {
-                values.mutable_at(i) = found[i].*field;
-            }
-            to[name] = values;
-        };
-        py::dict columns;
-        column("first_body", &cairn_choice::first_body, columns);
-        column("bodies", &cairn_choice::bodies, columns);
-        column("reason", &cairn_choice::reason, columns);
-        column("method", &cairn_choice::method, columns);
-        column("substeps", &cairn_choice::substeps, columns);
-        column("iterations", &cairn_choice::iterations, columns);
-        column("swept", &cairn_choice::swept, columns);
-        column("met", &cairn_choice::met, columns);
-        column("residual", &cairn_choice::residual, columns);
-        return columns;
+        return columns_of(found);
     }
 
     void reset() {

@@ -22,6 +22,7 @@ NAMES = {
     "pjsoft": "PJSoft",
     "tj": "TJ",
     "tjsoft": "TJSoft",
+    "auto": "auto",
     "stock": "stock PGS",
     "stock-substeps": "stock + substeps",
     "nncg": "NNCG",
@@ -50,7 +51,13 @@ class Request:
 
     @property
     def settings(self) -> str:
-        """Iterations, as `substeps x iterations of a substep` where there are substeps: "300", "10x30"."""
+        """Iterations, as `substeps x iterations of a substep` where there are substeps: "300", "10x30".
+
+        Of auto its tolerance: "0.001 m/s".
+        """
+        tolerance = dict(self.changes).get("tolerance")
+        if tolerance is not None:
+            return f"{float(tolerance):g} m/s"
         if self.substeps > 1:
             return f"{self.substeps}×{self.iterations // self.substeps}"
         return str(self.iterations)

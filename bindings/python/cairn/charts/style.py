@@ -26,13 +26,14 @@ COLOURS = {
     "pjsoft": "#56B4E9",
     "tj": "#D55E00",
     "tjsoft": "#E69F00",
+    "auto": "#6a3d9a",
     "stock": "#8a8a8a",
     "stock-substeps": "#8a8a8a",
     "nncg": "#CC79A7",
     "dantzig": "#9c6b4e",
 }
-MARKERS = {"pj": "o", "pjnj": "X", "pjsoft": "s", "tj": "^", "tjsoft": "D", "stock": "P", "stock-substeps": "*",
-           "nncg": "v", "dantzig": "p"}  # fmt: skip
+MARKERS = {"pj": "o", "pjnj": "X", "pjsoft": "s", "tj": "^", "tjsoft": "D", "auto": "h", "stock": "P",
+           "stock-substeps": "*", "nncg": "v", "dantzig": "p"}  # fmt: skip
 DASHES = {"pj": "-", "pjnj": (0, (1, 1)), "pjsoft": (0, (5, 1.5)), "tj": "-", "tjsoft": (0, (5, 1.5)), "stock": "-"}
 
 INK = "#010203"  # stands for the page's text colour until the SVG is written

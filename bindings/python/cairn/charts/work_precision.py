@@ -16,7 +16,19 @@ from .drawn import Drawn, drawn
 from .error_time import FLOOR, Point, line_at, pareto, points, top_of
 from .result import NAMES, Comparison, Measured, Request, Result, family_name
 
-HEADING = ("scene", "method", "preset", "iterations", "substeps", "solver_ms", "error", "unit", "failed", "pareto")
+HEADING = (
+    "scene",
+    "method",
+    "preset",
+    "iterations",
+    "substeps",
+    "solver_ms",
+    "error",
+    "unit",
+    "failed",
+    "pareto",
+    "tolerance",
+)
 
 
 def beats(one: Point, other: Point) -> bool:
@@ -126,6 +138,7 @@ def _row(result: Result, quantity: Measured, front: Sequence[Point], found: Sequ
         quantity.unit,
         int(not stands),
         int(any(p.result is result for p in front)),
+        dict(request.changes).get("tolerance", ""),
     )
 
 
