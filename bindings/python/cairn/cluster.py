@@ -32,7 +32,7 @@ class Cluster:
                 f"--scheduler needs dask.distributed, which is not installed ({missing}): "
                 "python -m pip install distributed, here and on every worker"
             ) from missing
-        self._completed = distributed.as_completed
+        self._completed: Any = distributed.as_completed
         self._client: Any = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
         try:
             self.threads = sum(
