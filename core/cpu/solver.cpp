@@ -22,16 +22,11 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-// When each island of a step may stop, under the method `auto`: the squared residual that it must come below, and the largest in
-// which the sweeps of a substep have ended, restitution apart.
-template <class S> struct Stop { S square, worst; };
-
 template <class S> struct CpuExecutor {
     Frame<S>& frame;
     Pool& pool;
     RunStage<S> stage_entry;
     Statistics& statistics;
-    std::span<Stop<S>> stops; // of every island, or none: then the frame's tolerance holds for all
 
     void each(Stage stage) {
         const Clock::time_point start = Clock::now();
@@ -48,8 +43,6 @@ template <class S> struct CpuExecutor {
             break;
         case Domain::islands:
             pool.each(frame.island_count, 16, loop);
-            if (stage == Stage::reduce && !stops.empty())
-                stop_islands();
             break;
         }
         *clock_of(stage) += seconds_since(start);
@@ -77,19 +70,6 @@ template <class S> struct CpuExecutor {
             return &statistics.time_finish;
         }
     }
-    // After reduce(), as that does with a tolerance for all.
-    void stop_islands() {
-        for (std::uint32_t i = 0; i < frame.island_count; ++i) {
-            Control<S>& c = frame.control[i];
-            if (!(c.active > 0))
-                continue;
-            const bool met = c.residual < stops[i].square;
-            if ((met || frame.last_sweep) && frame.phase != Phase::restitution)
-                stops[i].worst = std::max(stops[i].worst, c.residual);
-            if (met)
-                c.active = c.beta = 0;
-        }
-    }
     bool rests() const {
         for (std::uint32_t i = 0; i < frame.island_count; ++i)
             if (frame.control[i].active > 0)
@@ -109,15 +89,15 @@ template <class S> struct Part {
         Frame<S>& f = scene.frame;
         now.time_pack += seconds_since(start);
         plan = plan_of(params, f.contact_groups + f.joint_groups + f.raw_groups > 0, scene.bounces);
-        stops.clear();
         if (selection) {
+            Control<S>* control = f.control;
             for (const Survey::Island& island : selection->survey->islands)
                 if (island.reason == selection->reason)
-                    stops.push_back({static_cast<S>(params.tolerance * params.tolerance * island_scale(island.features)), S(0)});
+                    control++->stop = static_cast<S>(params.tolerance * params.tolerance * island_scale(island.features));
             f.reduces = plan.stops = true;
         }
         counted = f.reduces;
-        CpuExecutor<S> run{f, pool, stage_entry, now, stops};
+        CpuExecutor<S> run{f, pool, stage_entry, now};
         run_schedule(run, plan);
         if (const std::string bad = scene.not_finite(); !bad.empty())
             throw NotFinite(bad);
@@ -140,7 +120,6 @@ template <class S> struct Part {
     }
 
     Scene<S> scene;
-    std::vector<Stop<S>> stops; // by island, under `auto`
     Params params{};
     Plan plan{};
     bool counted = false; // sweeps, by islands; else every one sweeps every time
@@ -232,12 +211,11 @@ template <class S> class SolverOf final : public Solver {
             const Part<S>& part = *parts_[kind];
             const std::uint32_t i = next[kind]++;
             const Control<S>& control = part.scene.frame.control[i];
-            const Stop<S>& stop = part.stops[i];
             const bool swept = island.reason != Reason::alone;
             next_choices_.push_back({island.first_body, island.features.bodies, island.reason, part.params.method, part.params.substeps,
                                      swept ? part.params.iterations : 0, swept ? control.sweeps[0] + control.sweeps[1] : 0,
-                                     !swept || stop.worst < stop.square,
-                                     std::sqrt(static_cast<double>(stop.worst) / island_scale(island.features))});
+                                     !swept || control.ended < control.stop,
+                                     std::sqrt(static_cast<double>(control.ended) / island_scale(island.features))});
         }
     }
 

@@ -212,6 +212,8 @@ constexpr std::uint32_t kEnergyChunk = 256;
 // One island's state of the iteration.
 template <class S> struct Control {
     S t, beta, active, residual; // Nesterov's t and momentum; 1 or 0; squared residual of the last sweep
+    S stop;                      // the sweeps stop below this squared residual; 0: below the frame's tolerance
+    S ended;                     // the largest squared residual in which a substep's sweeps have ended
     std::uint32_t sweeps[3];     // made in each phase, over all substeps; counted only where the sweeps are reduced
 };
 

@@ -53,7 +53,10 @@ CAIRN_HD inline void reduce_island(const Frame<Real>& f, std::uint32_t i, Real r
             c.t = next;
         }
     }
-    if (c.residual < f.tolerance * f.tolerance) {
+    const bool met = c.residual < (c.stop > 0 ? c.stop : f.tolerance * f.tolerance);
+    if ((met || f.last_sweep) && f.phase != Phase::restitution && c.residual > c.ended)
+        c.ended = c.residual;
+    if (met) {
         c.active = 0;
         c.beta = 0;
     }
