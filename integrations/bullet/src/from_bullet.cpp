@@ -39,11 +39,7 @@ cairn_params fromBullet(const btContactSolverInfo& info, const cairn_params& pre
     if (info.m_erp2 != usual.m_erp2) {
         const double factor = stiffness(info.m_erp2, usual.m_erp2);
         scaleBaumgarte(params.contact_baumgarte, factor);
-        const double stiffer =
-            std::max(preset.contact_hertz_floor * substeps / static_cast<double>(info.m_timeStep) / preset.contact_hertz, 1.0);
-        params.contact_hertz_floor = 0;
-        params.contact_damping_ratio *= stiffer;
-        params.contact_hertz *= stiffer;
+        params.contact_hertz_floor = std::min(preset.contact_hertz_floor, preset.hertz_limit) * factor;
         scaleHertz(params.contact_hertz, limit, factor);
     }
     if (info.m_erp != usual.m_erp) {
