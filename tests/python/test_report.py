@@ -413,7 +413,7 @@ def test_one_run_serves_all_who_ask_for_it_in_other_words(tmp_path: Path, capsys
 
 
 def test_a_scheduler_runs_what_this_machine_would(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    distributed = pytest.importorskip("distributed")
+    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
     tasks = [
         replace(TASK, frames=20),
         replace(TASK, frames=20, request=replace(TASK.request, method="stock", preset=None)),
