@@ -92,8 +92,14 @@ template <class S> struct Part {
         if (selection) {
             Control<S>* control = f.control;
             for (const Survey::Island& island : selection->survey->islands)
-                if (island.reason == selection->reason)
-                    control++->stop = static_cast<S>(params.tolerance * params.tolerance * island_scale(island.features));
+                if (island.reason == selection->reason) {
+                    control->stop = static_cast<S>(params.tolerance * params.tolerance * island_scale(island.features));
+                    control->violent = params.tolerance > 0 ? static_cast<S>(kViolent * kViolent * violent_scale(island.features)) : S(0);
+                    ++control;
+                }
+            const Schedule& schedule = schedule_of(selection->reason);
+            plan.least = schedule.least;
+            plan.enough = schedule.enough;
             f.reduces = plan.stops = true;
         }
         counted = f.reduces;

@@ -14,7 +14,7 @@ constexpr std::uint32_t kReasonCount = 5;
 
 struct Features {
     std::uint32_t bodies = 0, contacts = 0, joints = 0, rows = 0; // rows: raw ones
-    double lightest = 0, heaviest = 0;                            // kg, of its bodies that have a mass; 0: none has
+    double mass = 0, lightest = 0, heaviest = 0;                  // kg, in all and of its bodies that have a mass; 0: none has
     bool loop = false;                                            // its joints close a ring, over what cannot move as well
 };
 
@@ -22,18 +22,24 @@ struct Features {
 struct Schedule {
     const char* why;
     Method method;
-    std::uint32_t substeps; // at most params.substeps
+    std::uint32_t substeps;      // at most params.substeps
+    std::uint32_t least, enough; // sweeps of a phase of a substep: not fewer; no more unless the island is violent
 };
 constexpr Schedule kSchedules[kReasonCount] = {
-    {"no constraints: one substep, nothing to sweep", Method::pjsoft, 1},
-    {"contacts between bodies of like mass: all sweeps in one soft step", Method::pjsoft, 1},
-    {"contacts between bodies of unlike mass: a few soft substeps", Method::tjsoft, 4},
-    {"a few joints between bodies of like mass: a few soft substeps", Method::tjsoft, 4},
-    {"many joints, a ring of joints, or joints between bodies of unlike mass: many soft substeps", Method::tjsoft, 10},
+    {"no constraints: one substep, nothing to sweep", Method::pjsoft, 1, 1, 1},
+    {"contacts between bodies of like mass: a few soft substeps", Method::tjsoft, 4, 4, 8},
+    {"contacts between bodies of unlike mass: many soft substeps", Method::tjsoft, 10, 2, 4},
+    {"a few joints between bodies of like mass: a few soft substeps", Method::tjsoft, 4, 1, 30},
+    {"many joints, a ring of joints, or joints between bodies of unlike mass: many soft substeps", Method::tjsoft, 10, 1, 6},
 };
+
+inline const Schedule& schedule_of(Reason reason) { return kSchedules[static_cast<std::uint32_t>(reason)]; }
 
 constexpr double kUnlikeMass = 10;      // heaviest / lightest
 constexpr std::uint32_t kFewJoints = 4; // raw rows count six to a joint
+// m/s. While a sweep changes the speeds by more (as in a chain pulled together from twice its length, and not in one that swings), more
+// sweeps pay. Below, what `enough` sweeps leave is better spent on the next substep.
+constexpr double kViolent = 1;
 
 inline Reason reason_of(const Features& f) {
     const bool unlike = f.heaviest > kUnlikeMass * f.lightest;
@@ -47,7 +53,7 @@ inline Reason reason_of(const Features& f) {
 
 // The parameters that an island of that kind is solved with.
 inline Params params_of(Reason reason, const Params& given) {
-    const Schedule& row = kSchedules[static_cast<std::uint32_t>(reason)];
+    const Schedule& row = schedule_of(reason);
     Params p = given;
     p.method = row.method;
     p.substeps = std::min({row.substeps, given.substeps, given.iterations});
@@ -59,5 +65,7 @@ inline Params params_of(Reason reason, const Params& given) {
 // changes the speeds of its n bodies by at most the tolerance, in root mean square, since sum m |dv|^2 <= dlambda' D dlambda = r^2.
 // Bodies without mass, which only turn, count as 1 kg m^2.
 inline double island_scale(const Features& f) { return f.bodies * (f.lightest > 0 ? f.lightest : 1.0); }
+// And it is violent where r is above kViolent times the square root of this: the same mean with each body by its mass.
+inline double violent_scale(const Features& f) { return f.mass > 0 ? f.mass : f.bodies; }
 
 } // namespace cairn

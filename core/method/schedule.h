@@ -17,6 +17,7 @@ struct Plan {
     bool bounces;     // some contact has restitution
     bool constrained; // there is anything to sweep
     bool stops;       // islands may come to rest before the last sweep
+    std::uint32_t least, enough; // sweeps of a phase of a substep, as in Frame::too_few and enough
 
     // Sweeps of a substep: the iterations shared out evenly, the earlier ones taking what is left over.
     CAIRN_HD std::uint32_t sweeps(std::uint32_t substep) const { return iterations / substeps + (substep < iterations % substeps ? 1 : 0); }
@@ -38,11 +39,12 @@ inline Plan plan_of(const Params& params, bool constrained, bool bounces) {
     plan.constrained = constrained;
     plan.bounces = constrained && bounces;
     plan.stops = params.residual_tolerance > 0;
+    plan.enough = ~0u;
     return plan;
 }
 
 CAIRN_HD_OF_ITS_ARGUMENT
-template <class Executor> CAIRN_HD void solve_velocities(Executor& run, Phase phase, std::uint32_t sweeps, bool stops) {
+template <class Executor> CAIRN_HD void solve_velocities(Executor& run, Phase phase, std::uint32_t sweeps, bool stops, std::uint32_t least = 0, std::uint32_t enough = ~0u) {
     auto& f = run.frame;
     f.phase = phase;
     run.each(Stage::begin);
@@ -52,6 +54,8 @@ template <class Executor> CAIRN_HD void solve_velocities(Executor& run, Phase ph
     run.each(Stage::apply_start);
     for (std::uint32_t i = 0; i < sweeps; ++i) {
         f.last_sweep = i + 1 == sweeps;
+        f.too_few = i + 1 < least;
+        f.enough = i + 1 >= enough;
         run.each(Stage::sweep);
         if (f.reduces)
             run.each(Stage::reduce);
@@ -85,7 +89,7 @@ template <class Executor> CAIRN_HD void run_schedule(Executor& run, const Plan& 
         run.each(Stage::forces);
         if (plan.constrained) {
             run.each(Stage::energy_before);
-            solve_velocities(run, Phase::substep, plan.sweeps(substep) - relaxed, plan.stops);
+            solve_velocities(run, Phase::substep, plan.sweeps(substep) - relaxed, plan.stops, plan.least, plan.enough);
             run.each(Stage::energy_after);
         }
         run.each(Stage::integrate);
@@ -93,7 +97,7 @@ template <class Executor> CAIRN_HD void run_schedule(Executor& run, const Plan& 
             continue;
         solve_positions(run, plan.position_iterations);
         if (relaxed > 0)
-            solve_velocities(run, Phase::relax, relaxed, plan.stops);
+            solve_velocities(run, Phase::relax, relaxed, plan.stops, plan.least, plan.enough);
         run.each(Stage::accumulate);
     }
     if (plan.constrained)

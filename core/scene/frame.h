@@ -213,6 +213,7 @@ constexpr std::uint32_t kEnergyChunk = 256;
 template <class S> struct Control {
     S t, beta, active, residual; // Nesterov's t and momentum; 1 or 0; squared residual of the last sweep
     S stop;                      // the sweeps stop below this squared residual; 0: below the frame's tolerance
+    S violent;                   // and after enough of them below this one
     S ended;                     // the largest squared residual in which a substep's sweeps have ended
     std::uint32_t sweeps[3];     // made in each phase, over all substeps; counted only where the sweeps are reduced
 };
@@ -223,6 +224,7 @@ struct Progress {
     std::uint32_t sweep;   // of the step, restitution apart
     Phase phase;
     bool reduces, last_sweep; // reduces: islands have control records
+    bool too_few, enough;     // sweeps of this phase of the substep: islands must not stop yet; stop unless they are violent
 };
 
 template <class S> struct Frame : Progress {

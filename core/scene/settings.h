@@ -17,7 +17,7 @@ template <class S> void set_parameters(Frame<S>& frame, const Params& params, do
     frame.phase = Phase::substep;
     frame.momentum = params.acceleration == Acceleration::nesterov;
     frame.reduces = frame.momentum || params.residual_trace || params.residual_tolerance > 0;
-    frame.last_sweep = false;
+    frame.last_sweep = frame.too_few = frame.enough = false;
     frame.dt = static_cast<S>(dt);
     frame.h = static_cast<S>(dt / params.substeps);
     frame.warm = params.contact_warm_start > 0 || params.joint_warm_start > 0;

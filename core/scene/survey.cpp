@@ -44,6 +44,7 @@ void Survey::look(const Input& input) {
         ++f.bodies;
         if (const double inverse = input.bodies.inverse_mass.real(i); inverse > 0) {
             const double mass = 1 / inverse;
+            f.mass += mass;
             f.lightest = f.lightest > 0 ? std::min(f.lightest, mass) : mass;
             f.heaviest = std::max(f.heaviest, mass);
         }

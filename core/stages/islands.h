@@ -53,10 +53,11 @@ CAIRN_HD inline void reduce_island(const Frame<Real>& f, std::uint32_t i, Real r
             c.t = next;
         }
     }
-    const bool met = c.residual < (c.stop > 0 ? c.stop : f.tolerance * f.tolerance);
-    if ((met || f.last_sweep) && f.phase != Phase::restitution && c.residual > c.ended)
+    const bool met = c.residual < (c.stop > 0 ? c.stop : f.tolerance * f.tolerance) && !f.too_few;
+    const bool ends = met || (f.enough && c.residual < c.violent);
+    if ((ends || f.last_sweep) && f.phase != Phase::restitution && c.residual > c.ended)
         c.ended = c.residual;
-    if (met) {
+    if (ends) {
         c.active = 0;
         c.beta = 0;
     }

@@ -212,7 +212,7 @@ TEST_F(Auto, StopsWhereTheToleranceIsMetAndSaysSo) {
     World* worlds[] = {&loose_world, &tight_world, &whole_world};
     const double tolerances[] = {1e-2, 1e-4, 0};
     for (int k = 0; k < 3; ++k) {
-        worlds[k]->column(0, 3, 1);
+        worlds[k]->chain(0, 2, 1);
         cairn_solver* solver = make(tolerances[k]);
         ASSERT_EQ(worlds[k]->step(solver), CAIRN_OK) << cairn_last_error();
         const std::vector<cairn_choice> found = choices(solver);
@@ -239,6 +239,24 @@ TEST_F(Auto, StopsWhereTheToleranceIsMetAndSaysSo) {
     EXPECT_EQ(choices(solver)[0].met, 0u);
     EXPECT_EQ(choices(solver)[0].swept, 3u);
     EXPECT_GE(choices(solver)[0].residual, 1e-6);
+}
+
+// What more sweeps would not mend is left to the next substep, unless the island is still violent, or the tolerance is 0.
+TEST_F(Auto, EndsASubstepAfterEnoughSweeps) {
+    const auto swept = [this](double tolerance, double stretch) {
+        World w;
+        w.chain(0, 8, 1);
+        for (std::size_t i = 0; i < w.position.size(); i += 3)
+            w.position[i + 1] *= stretch;
+        cairn_solver* solver = make(tolerance);
+        EXPECT_EQ(w.step(solver), CAIRN_OK) << cairn_last_error();
+        EXPECT_EQ(choices(solver).at(0).met, 0u);
+        EXPECT_EQ(choices(solver).at(0).substeps, 10u);
+        return choices(solver).at(0).swept;
+    };
+    EXPECT_EQ(swept(1e-9, 1), 10u * (6 + 6)); // 6 with bias and 6 without
+    EXPECT_EQ(swept(0, 1), 300u);
+    EXPECT_GT(swept(1e-9, 2), 10u * (6 + 6));
 }
 
 TEST_F(Auto, ThreadsAndInstructionsChangeNoBit) {

@@ -309,8 +309,11 @@ typedef struct cairn_params {
                                         >= 0, 0: contact_hertz as it is */
     double tolerance;                /* m/s, >= 0; AUTO only, else 0. An island's sweeps stop, in each substep, where one changes the speeds of
                                         its n bodies by less in root mean square: where the residual is below tolerance * sqrt(n m), m the
-                                        lightest one's mass. iterations and substeps are then the most that a step of any island may have;
-                                        0: all of them are made */
+                                        lightest one's mass; but not before a few sweeps, and after enough of them (8 at contacts, 4 between
+                                        unlike masses, 6 at joints, 30 at few) also where it is not met, unless a sweep still changes the
+                                        speeds, each body weighed by its mass, by more than 1 m/s: what is left then is better spent on the
+                                        next substep. iterations and substeps are the most that a step of any island may have; 0: all the
+                                        sweeps are made */
 } cairn_params;
 
 /* ---- Solver ------------------------------------------------------------------------------------------------------ */
@@ -471,7 +474,8 @@ typedef struct cairn_choice {
     uint32_t substeps;
     uint32_t iterations; /* velocity sweeps that the step had at most, relaxation included */
     uint32_t swept;      /* how many were made; all of them where the tolerance is 0 */
-    uint32_t met;        /* 1: in every substep the sweeps, and those without bias, ended below the tolerance */
+    uint32_t met;        /* 1: in every substep the sweeps, and those without bias, ended below the tolerance; 0 also where they ended
+                            after enough of them, see params.tolerance */
     double residual;     /* m/s, in the tolerance's measure, of the substep in which they ended worst */
 } cairn_choice;
 
