@@ -545,7 +545,7 @@ def test_the_command_refuses_what_cannot_be(
 
 
 def test_a_plan_has_the_scenes_frames_unless_they_are_too_many() -> None:
-    assert [report.FULL.frames_of(scene) for scene in ("stack", "jeep-bridge", "kapla")] == [3000, 600, 6000]
+    assert [report.FULL.frames_of(scene) for scene in ("stack", "jeep-bridge", "kapla")] == [1500, 600, 1500]
     assert report.QUICK.frames_of("kapla") == 200
 
 
