@@ -14,9 +14,9 @@ namespace cairn {
 struct Plan {
     std::uint32_t substeps, iterations, position_iterations, restitution_iterations;
     double relax_share;
-    bool bounces;     // some contact has restitution
-    bool constrained; // there is anything to sweep
-    bool stops;       // islands may come to rest before the last sweep
+    bool bounces;                // some contact has restitution
+    bool constrained;            // there is anything to sweep
+    bool stops;                  // islands may come to rest before the last sweep
     std::uint32_t least, enough; // sweeps of a phase of a substep, as in Frame::too_few and enough
 
     // Sweeps of a substep: the iterations shared out evenly, the earlier ones taking what is left over.
@@ -44,7 +44,9 @@ inline Plan plan_of(const Params& params, bool constrained, bool bounces) {
 }
 
 CAIRN_HD_OF_ITS_ARGUMENT
-template <class Executor> CAIRN_HD void solve_velocities(Executor& run, Phase phase, std::uint32_t sweeps, bool stops, std::uint32_t least = 0, std::uint32_t enough = ~0u) {
+template <class Executor>
+CAIRN_HD void solve_velocities(Executor& run, Phase phase, std::uint32_t sweeps, bool stops, std::uint32_t least = 0,
+                               std::uint32_t enough = ~0u) {
     auto& f = run.frame;
     f.phase = phase;
     run.each(Stage::begin);

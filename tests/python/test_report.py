@@ -30,7 +30,7 @@ from cairn import (
     scenes,
     workers,
 )  # fmt: skip
-from cairn.charts import ablation, atlas, claims, error_time, paper, profiles, work_precision
+from cairn.charts import ablation, atlas, auto, claims, error_time, paper, profiles, work_precision
 from cairn.charts.result import Comparison, Measured, Request, Result
 from cairn.recording import SERIES, Recording
 from cairn.report_outcome import COLLAPSED, DEGRADED, EXPLODED, FAILED, NAN, SURVIVED, UNKNOWN
@@ -161,6 +161,45 @@ def test_a_profile_takes_the_quickest_setting_that_meets_the_tolerance() -> None
     drawn = profiles.profiles([runs], {"stack": (0.2, "size of a body")}, "Frames: stack 100.")
     assert any("stack" in note and "met by none" in note for note in drawn.notes)
     assert "Frames: stack 100." in drawn.svg
+
+
+# ---- Auto --------------------------------------------------------------------------------------------------------
+
+
+def chosen(milliseconds: float, error: float | None, tolerance: float, **summary: Any) -> Result:
+    run = result("auto", milliseconds, error, "default", **summary)
+    return replace(run, request=replace(run.request, changes=(("tolerance", tolerance),)))
+
+
+def test_auto_stands_beside_the_quickest_setting_with_no_more_error() -> None:
+    runs = [
+        result("pj", 1.0, 1e-2, "default"),
+        result("tj", 2.0, 1e-3, "paper"),
+        result("tj", 0.1, 1e-9, "paper", collapsed_at_frame=70),
+        result("stock", 0.1, 1e-9),
+        chosen(3.0, 5e-4, 1e-4),
+        chosen(3.0, 5e-3, 1e-3),
+        chosen(1.2, 1e-2, 1e-2),
+        chosen(0.5, None, 1e-1, finite=False),
+    ]
+    found = auto.beside(Comparison("stack", runs, FRAMES))
+    assert [one.tolerance for one in found] == [1e-1, 1e-2, 1e-3, 1e-4]
+    assert [one.ratio for one in found] == [math.inf, pytest.approx(1.2), pytest.approx(1.5), 0.0]
+    assert [one.best for one in found] == [None, runs[0], runs[1], None]
+    assert auto.typical(found) == pytest.approx(1.35)
+
+
+def test_the_chart_of_auto_counts_scenes_and_runs() -> None:
+    near = [result("pj", 1.0, 1e-2, "default"), chosen(1.2, 1e-2, 1e-2), chosen(1.8, 1e-2, 1e-3)]
+    far = [result("pj", 1.0, 1e-2, "default"), chosen(1.4, 1e-2, 1e-2), chosen(4.0, 1e-2, 1e-3)]
+    lost = [result("pj", 1.0, 1e-2, "default"), chosen(1.4, 1e-2, 1e-2), chosen(4.0, None, 1e-3, finite=False)]
+    shown = [Comparison(scene, runs, FRAMES) for scene, runs in (("hub", far), ("pile", lost), ("stack", near))]
+    drawn = auto.auto([*shown, Comparison("column", near[:1], FRAMES)])
+    assert "1 of 3 scenes by the median over the tolerances, 3 of 6 runs" in drawn.notes[0]
+    assert drawn.notes[1:3] == ["Farther: hub (×2.7).", "Fails at half of the tolerances or more: pile."]
+    rows = list(csv.DictReader(io.StringIO(drawn.csv)))
+    assert [row["scene"] for row in rows] == ["stack"] * 2 + ["hub"] * 2 + ["pile"] * 2
+    assert [row["ratio"] for row in rows] == ["1.2", "1.8", "1.4", "4", "1.4", "inf"]
 
 
 # ---- Outcomes and the atlas --------------------------------------------------------------------------------------
@@ -482,13 +521,13 @@ def test_a_report_that_is_killed_goes_on_where_it_stopped(tmp_path: Path, capsys
     assert f"{total} runs, {total} of them kept" in capsys.readouterr().out
 
     text = page.read_text(encoding="utf-8")
-    assert text.count("<svg") == 3 and "61 frames of each scene" in text
+    assert text.count("<svg") == 4 and "61 frames of each scene" in text
     loaded = re.findall(r'\b(?:src|href|srcset|data|action|poster)\s*=\s*["\']?([^"\'\s>]+)', text)
     beside = {target for target in loaded if not target.startswith("#")}
     assert beside == {path.name for path in out.glob("failures-*.html")}
     assert not re.search(r"@import|url\((?!#)|\bfetch\(|XMLHttpRequest|\bimport\(", text)
     names = {path.name for path in out.iterdir()}
-    for chart in ("work-precision-tumble", "work-precision-mass-ratio", "profiles"):
+    for chart in ("work-precision-tumble", "work-precision-mass-ratio", "profiles", "auto"):
         assert {f"{chart}.png", f"{chart}.csv"} <= names and f'id="{chart}"' in text
 
 
