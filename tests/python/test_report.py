@@ -30,7 +30,7 @@ from cairn import (
     scenes,
     workers,
 )  # fmt: skip
-from cairn.charts import ablation, atlas, auto, claims, error_time, paper, profiles, work_precision
+from cairn.charts import ablation, atlas, auto, beside_bullet, claims, error_time, paper, profiles, work_precision
 from cairn.charts.result import Comparison, Measured, Request, Result
 from cairn.recording import SERIES, Recording
 from cairn.report_outcome import COLLAPSED, DEGRADED, EXPLODED, FAILED, NAN, SURVIVED, UNKNOWN
@@ -200,6 +200,44 @@ def test_the_chart_of_auto_counts_scenes_and_runs() -> None:
     rows = list(csv.DictReader(io.StringIO(drawn.csv)))
     assert [row["scene"] for row in rows] == ["stack"] * 2 + ["hub"] * 2 + ["pile"] * 2
     assert [row["ratio"] for row in rows] == ["1.2", "1.8", "1.4", "4", "1.4", "inf"]
+
+
+def test_cairn_and_bullet_each_take_their_quickest_setting_that_meets_a_tolerance() -> None:
+    runs = [
+        result("pj", 1.0, 1e-2, "default"),
+        result("tj", 4.0, 1e-4, "default"),
+        result("tj", 0.1, 1e-9, "paper", collapsed_at_frame=70),
+        result("stock", 2.0, 1e-3),
+        result("dantzig", 8.0, 1e-5),
+    ]
+    found = beside_bullet.pairs(Comparison("stack", runs, FRAMES), 0.1)
+    assert [(p.ours, p.bullets, p.ratio) for p in found] == [
+        (runs[0], runs[3], 0.5),
+        (runs[1], runs[3], 2.0),
+        (runs[1], runs[4], 0.5),
+    ]
+    nobody, ours, bullets = (
+        beside_bullet.pairs(Comparison(scene, some, FRAMES), 0.1)
+        for scene, some in (("pile", []), ("column", runs[:3]), ("hub", runs[3:]))
+    )
+    assert math.isnan(nobody[0].ratio) and ours[0].ratio == 0.0 and bullets[0].ratio == math.inf
+
+
+def test_the_chart_beside_bullet_says_where_cairn_loses() -> None:
+    scenes_and_runs = {
+        "stack": [result("pj", 1.0, 1e-9, "default"), result("stock", 2.0, 1e-9)],
+        "hub": [result("pj", 3.0, 1e-9, "default"), result("stock", 1.0, 1e-9)],
+        "pile": [result("stock", 1.0, 1e-9)],
+        "column": [result("pj", 3.0, None, "default", finite=False)],
+    }
+    shown = [Comparison(scene, runs, FRAMES) for scene, runs in scenes_and_runs.items()]
+    drawn = beside_bullet.beside_bullet(shown, dict.fromkeys(scenes_and_runs, (0.1, "size")))
+    assert drawn.notes[0] == (
+        "At 0.1 of the scale: Cairn quicker in 1, alone in 0, Bullet quicker in 1 (hub ×3), alone in 1 (pile), "
+        "neither in 1 (column)."
+    )
+    rows = list(csv.DictReader(io.StringIO(drawn.csv)))
+    assert [row["scene"] for row in rows[::3]] == ["stack", "column", "hub", "pile"]
 
 
 # ---- Outcomes and the atlas --------------------------------------------------------------------------------------
@@ -521,13 +559,13 @@ def test_a_report_that_is_killed_goes_on_where_it_stopped(tmp_path: Path, capsys
     assert f"{total} runs, {total} of them kept" in capsys.readouterr().out
 
     text = page.read_text(encoding="utf-8")
-    assert text.count("<svg") == 4 and "61 frames of each scene" in text
+    assert text.count("<svg") == 5 and "61 frames of each scene" in text
     loaded = re.findall(r'\b(?:src|href|srcset|data|action|poster)\s*=\s*["\']?([^"\'\s>]+)', text)
     beside = {target for target in loaded if not target.startswith("#")}
     assert beside == {path.name for path in out.glob("failures-*.html")}
     assert not re.search(r"@import|url\((?!#)|\bfetch\(|XMLHttpRequest|\bimport\(", text)
     names = {path.name for path in out.iterdir()}
-    for chart in ("work-precision-tumble", "work-precision-mass-ratio", "profiles", "auto"):
+    for chart in ("work-precision-tumble", "work-precision-mass-ratio", "profiles", "beside-bullet", "auto"):
         assert {f"{chart}.png", f"{chart}.csv"} <= names and f'id="{chart}"' in text
 
 

@@ -14,7 +14,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 from . import demo, report_cache, report_failures, report_outcome, report_plan, scenes, workers
-from .charts import auto, paper, profiles, style
+from .charts import auto, beside_bullet, paper, profiles, style
 from .charts.ablation import ablation
 from .charts.atlas import atlas
 from .charts.drawn import Drawn
@@ -151,6 +151,15 @@ def parts(
             "quickest solver that does. At τ = 1: how often it is the quickest; at the right edge: how often it gets "
             "there at all.",
             [("All scenes", "", profiles.profiles(comparisons, scales, frames, footnote))],
+        )
+    )
+    made.append(
+        Part(
+            "beside-bullet",
+            "Where Cairn wins and where it loses",
+            "For each scene and three tolerances the quickest setting of Cairn's that meets it, beside the quickest of "
+            "Bullet’s own solvers. A scene’s scale is as in the profiles.",
+            [("All scenes", "", beside_bullet.beside_bullet(comparisons, scales, footnote))],
         )
     )
     made.append(

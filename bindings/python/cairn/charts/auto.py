@@ -113,7 +113,7 @@ def summary(table: Sequence[tuple[str, Sequence[Beside]]], ratios: Sequence[floa
     near = len(table) - len(far) - len(lost)
     notes = [
         f"Within {NEAR:g} of the best by hand: {near} of {len(table)} scenes by the median over the tolerances, "
-        f"{sum(r <= NEAR for r in ratios)} of {len(ratios)} runs. By hand: all settings of PJ, PJNJ, PJSoft, TJ and TJSoft."
+        f"{sum(r <= NEAR for r in ratios)} of {len(ratios)} runs. By hand: PJ, PJNJ, PJSoft, TJ and TJSoft."
     ]
     if far:
         notes.append("Farther: " + ", ".join(far) + ".")
