@@ -57,7 +57,7 @@ static_assert(CAIRN_ISA_AUTO == static_cast<std::uint32_t>(cairn::Isa::automatic
               CAIRN_ISA_AVX512 == static_cast<std::uint32_t>(cairn::Isa::avx512));
 static_assert(CAIRN_BACKEND_CUDA == static_cast<std::uint32_t>(cairn::Backend::cuda));
 static_assert(CAIRN_METHOD_COUNT == cairn::kMethodCount && CAIRN_METHOD_AUTO == static_cast<std::uint32_t>(cairn::Method::automatic));
-static_assert(CAIRN_REASON_STIFF == static_cast<std::uint32_t>(cairn::Reason::stiff));
+static_assert(CAIRN_REASON_SLENDER == static_cast<std::uint32_t>(cairn::Reason::slender));
 static_assert(CAIRN_PRESET_PAPER == static_cast<std::uint32_t>(cairn::Preset::paper));
 static_assert(CAIRN_SPLIT_MANIFOLD == static_cast<std::uint32_t>(cairn::Splitting::manifold));
 static_assert(CAIRN_FRICTION_PYRAMID == static_cast<std::uint32_t>(cairn::Friction::pyramid));

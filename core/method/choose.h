@@ -9,11 +9,12 @@
 namespace cairn {
 
 // Why an island got its schedule; CAIRN_REASON_... of the public header.
-enum class Reason : std::uint32_t { alone, contacts, uneven, joints, stiff };
-constexpr std::uint32_t kReasonCount = 5;
+enum class Reason : std::uint32_t { alone, contacts, uneven, joints, stiff, slender };
+constexpr std::uint32_t kReasonCount = 6;
 
 struct Features {
     std::uint32_t bodies = 0, contacts = 0, joints = 0, rows = 0; // rows: raw ones
+    std::uint32_t height = 0;                                     // contacts from what cannot move to the farthest body
     double mass = 0, lightest = 0, heaviest = 0;                  // kg, in all and of its bodies that have a mass; 0: none has
     bool loop = false;                                            // its joints close a ring, over what cannot move as well
 };
@@ -23,20 +24,22 @@ struct Schedule {
     const char* why;
     Method method;
     std::uint32_t substeps;      // at most params.substeps
-    std::uint32_t least, enough; // sweeps of a phase of a substep: not fewer; no more unless the island is violent
+    std::uint32_t least, enough; // sweeps of a substep: not fewer; no more unless the island is violent. Half of enough without bias
 };
 constexpr Schedule kSchedules[kReasonCount] = {
     {"no constraints: one substep, nothing to sweep", Method::pjsoft, 1, 1, 1},
-    {"contacts between bodies of like mass: a few soft substeps", Method::tjsoft, 4, 4, 8},
+    {"contacts between bodies of like mass: a few soft substeps", Method::tjsoft, 4, 6, 8},
     {"contacts between bodies of unlike mass: many soft substeps", Method::tjsoft, 10, 2, 4},
     {"a few joints between bodies of like mass: a few soft substeps", Method::tjsoft, 4, 1, 30},
-    {"many joints, a ring of joints, or joints between bodies of unlike mass: many soft substeps", Method::tjsoft, 10, 1, 6},
+    {"many joints, a ring of joints, or joints between bodies of unlike mass: many soft substeps", Method::tjsoft, 10, 8, 12},
+    {"contacts in a tall and narrow heap: many soft substeps", Method::tjsoft, 10, 4, 6},
 };
 
 inline const Schedule& schedule_of(Reason reason) { return kSchedules[static_cast<std::uint32_t>(reason)]; }
 
 constexpr double kUnlikeMass = 10;      // heaviest / lightest
 constexpr std::uint32_t kFewJoints = 4; // raw rows count six to a joint
+constexpr std::uint32_t kTall = 8;
 // m/s. While a sweep changes the speeds by more (as in a chain pulled together from twice its length, and not in one that swings), more
 // sweeps pay. Below, what `enough` sweeps leave is better spent on the next substep.
 constexpr double kViolent = 1;
@@ -46,8 +49,8 @@ inline Reason reason_of(const Features& f) {
     const std::uint32_t tied = f.joints + (f.rows + 5) / 6;
     if (tied > 0)
         return unlike || f.loop || tied > kFewJoints ? Reason::stiff : Reason::joints;
-    if (f.contacts > 0)
-        return unlike ? Reason::uneven : Reason::contacts;
+    if (f.contacts > 0) // a column or a house of cards is narrow, a pyramid, a wall and a pile are not
+        return unlike ? Reason::uneven : f.height > kTall && 2 * f.bodies < f.height * f.height ? Reason::slender : Reason::contacts;
     return Reason::alone;
 }
 

@@ -17,7 +17,7 @@ struct Plan {
     bool bounces;                // some contact has restitution
     bool constrained;            // there is anything to sweep
     bool stops;                  // islands may come to rest before the last sweep
-    std::uint32_t least, enough; // sweeps of a phase of a substep, as in Frame::too_few and enough
+    std::uint32_t least, enough; // sweeps of a substep, as in Frame::too_few and enough; without bias half of enough is enough
 
     // Sweeps of a substep: the iterations shared out evenly, the earlier ones taking what is left over.
     CAIRN_HD std::uint32_t sweeps(std::uint32_t substep) const { return iterations / substeps + (substep < iterations % substeps ? 1 : 0); }
@@ -99,7 +99,7 @@ template <class Executor> CAIRN_HD void run_schedule(Executor& run, const Plan& 
             continue;
         solve_positions(run, plan.position_iterations);
         if (relaxed > 0)
-            solve_velocities(run, Phase::relax, relaxed, plan.stops, plan.least, plan.enough);
+            solve_velocities(run, Phase::relax, relaxed, plan.stops, plan.least / 2, plan.enough / 2);
         run.each(Stage::accumulate);
     }
     if (plan.constrained)

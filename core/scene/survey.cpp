@@ -8,6 +8,49 @@
 
 namespace cairn {
 
+// Breadth first over the contacts, from what cannot move.
+void Survey::measure_heights(const Input& input) {
+    const std::size_t bodies = body_island.size();
+    const auto moves = [&](std::int64_t body) { return body >= 0 && body_island[static_cast<std::size_t>(body)] != kNone; };
+    const ContactColumns& contacts = input.contacts;
+    first_.assign(bodies + 1, 0); // neighbours of body i: neighbour_[first_[i]] to first_[i + 1]
+    height_.assign(bodies, kNone);
+    queue_.clear();
+    for (std::size_t c = 0; c < contacts.count; ++c) {
+        const std::int64_t a = contacts.body_a.integer(c), b = contacts.body_b.integer(c);
+        if (moves(a) && moves(b)) {
+            ++first_[static_cast<std::size_t>(a) + 1];
+            ++first_[static_cast<std::size_t>(b) + 1];
+        } else if (moves(a) || moves(b)) {
+            const auto body = static_cast<std::uint32_t>(moves(a) ? a : b);
+            if (height_[body] == kNone) {
+                height_[body] = 1;
+                queue_.push_back(body);
+            }
+        }
+    }
+    std::partial_sum(first_.begin(), first_.end(), first_.begin());
+    neighbour_.resize(first_[bodies]);
+    next_.assign(first_.begin(), first_.end() - 1);
+    for (std::size_t c = 0; c < contacts.count; ++c) {
+        const std::int64_t a = contacts.body_a.integer(c), b = contacts.body_b.integer(c);
+        if (!moves(a) || !moves(b))
+            continue;
+        neighbour_[next_[static_cast<std::size_t>(a)]++] = static_cast<std::uint32_t>(b);
+        neighbour_[next_[static_cast<std::size_t>(b)]++] = static_cast<std::uint32_t>(a);
+    }
+    for (std::size_t at = 0; at < queue_.size(); ++at) {
+        const std::uint32_t body = queue_[at];
+        std::uint32_t& most = islands[body_island[body]].features.height;
+        most = std::max(most, height_[body]);
+        for (std::uint32_t n = first_[body]; n < first_[body + 1]; ++n)
+            if (height_[neighbour_[n]] == kNone) {
+                height_[neighbour_[n]] = height_[body] + 1;
+                queue_.push_back(neighbour_[n]);
+            }
+    }
+}
+
 void Survey::look(const Input& input) {
     const auto bodies = static_cast<std::uint32_t>(input.bodies.count);
     body_island.assign(bodies, 0);
@@ -79,6 +122,7 @@ void Survey::look(const Input& input) {
         else
             unite(joined_, at_a, at_b);
     });
+    measure_heights(input);
     for (Island& island : islands)
         island.reason = reason_of(island.features);
 }

@@ -25,7 +25,10 @@ class Survey {
     static constexpr std::uint32_t kNone = 0xffffffffu;
 
   private:
+    void measure_heights(const Input& input);
+
     std::vector<std::uint32_t> parent_, joined_;
+    std::vector<std::uint32_t> first_, next_, neighbour_, height_, queue_;
 };
 
 // The islands of one kind, for a Scene to pack alone: the other bodies that can move, and what touches them, are left out.

@@ -46,7 +46,7 @@ struct World {
                 arm_b.insert(arm_b.end(), {x, -0.5, z});
                 separation.push_back(0);
                 friction.push_back(0.5);
-                contact_key.push_back(1000 * static_cast<std::uint64_t>(b) + contact_key.size() % 4 + 1);
+                contact_key.push_back(contact_key.size() + 1);
             }
     }
     void tie(std::int32_t a, std::int32_t b, double anchor) {
@@ -254,9 +254,35 @@ TEST_F(Auto, EndsASubstepAfterEnoughSweeps) {
         EXPECT_EQ(choices(solver).at(0).substeps, 10u);
         return choices(solver).at(0).swept;
     };
-    EXPECT_EQ(swept(1e-9, 1), 10u * (6 + 6)); // 6 with bias and 6 without
+    EXPECT_EQ(swept(1e-9, 1), 10u * (12 + 6)); // with bias and without
     EXPECT_EQ(swept(0, 1), 300u);
-    EXPECT_GT(swept(1e-9, 2), 10u * (6 + 6));
+    EXPECT_GT(swept(1e-9, 2), 10u * (12 + 6));
+}
+
+// A column of nine is slender, one of eight is not, nor is a wall as high as it is wide.
+TEST_F(Auto, TellsAColumnFromAWall) {
+    World w;
+    w.column(0, 9, 1);
+    w.column(3, 8, 1);
+    std::vector<std::int32_t> below(12, CAIRN_WORLD);
+    for (int row = 0; row < 12; ++row)
+        for (std::size_t i = 0; i < below.size(); ++i) {
+            const std::int32_t box = w.body(6 + static_cast<double>(i), row + 0.5, 1);
+            w.stand(below[i], box);
+            if (i > 0)
+                w.stand(below[i - 1], box); // leans on the box beside it, which is this row's already
+            below[i] = box;
+        }
+    cairn_solver* solver = make();
+    ASSERT_EQ(w.step(solver), CAIRN_OK) << cairn_last_error();
+    const std::vector<cairn_choice> found = choices(solver);
+    ASSERT_EQ(found.size(), 3u);
+    EXPECT_EQ(found[0].reason, CAIRN_REASON_SLENDER);
+    EXPECT_EQ(found[0].substeps, 10u);
+    EXPECT_EQ(found[1].reason, CAIRN_REASON_CONTACTS);
+    EXPECT_EQ(found[1].substeps, 4u);
+    EXPECT_EQ(found[2].reason, CAIRN_REASON_CONTACTS);
+    EXPECT_EQ(found[2].bodies, 144u);
 }
 
 TEST_F(Auto, ThreadsAndInstructionsChangeNoBit) {

@@ -232,7 +232,7 @@ TEST_F(RefusedSettings, NamesAndTable) {
     EXPECT_EQ(api->struct_size, sizeof *api);
     EXPECT_EQ(api->solver_load_cache, &cairn_solver_load_cache);
     EXPECT_STREQ(cairn_method_name(CAIRN_METHOD_AUTO), "auto");
-    EXPECT_EQ(cairn_reason_text(CAIRN_REASON_STIFF + 1), nullptr);
+    EXPECT_EQ(cairn_reason_text(CAIRN_REASON_SLENDER + 1), nullptr);
     EXPECT_EQ(api->solver_choices, &cairn_solver_choices); // the last entry
     std::uint32_t axes[6];
     ASSERT_EQ(cairn_joint_axes(CAIRN_JOINT_HINGE, axes), CAIRN_OK);

@@ -324,7 +324,7 @@ def test_auto_says_what_it_chose_and_whether_it_met_the_tolerance() -> None:
     ]
     np.testing.assert_array_equal(found["bodies"], [2, 1])
     np.testing.assert_array_equal(found["first_body"], [0, 2])
-    assert cairn.METHODS[found["method"][0]] == "pjsoft"
+    assert cairn.METHODS[found["method"][0]] == "tjsoft"
     assert found["met"].all() and (found["residual"] < 1e-4).all()
     assert 0 < found["swept"][0] < found["iterations"][0] == 300
     solver.params.update(iterations=1, substeps=1)

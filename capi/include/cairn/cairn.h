@@ -309,11 +309,11 @@ typedef struct cairn_params {
                                         >= 0, 0: contact_hertz as it is */
     double tolerance;                /* m/s, >= 0; AUTO only, else 0. An island's sweeps stop, in each substep, where one changes the speeds of
                                         its n bodies by less in root mean square: where the residual is below tolerance * sqrt(n m), m the
-                                        lightest one's mass; but not before a few sweeps, and after enough of them (8 at contacts, 4 between
-                                        unlike masses, 6 at joints, 30 at few) also where it is not met, unless a sweep still changes the
-                                        speeds, each body weighed by its mass, by more than 1 m/s: what is left then is better spent on the
-                                        next substep. iterations and substeps are the most that a step of any island may have; 0: all the
-                                        sweeps are made */
+                                        lightest one's mass; but not before a few sweeps, and after enough of them (8 at contacts, 4 of unlike
+                                        masses, 6 where SLENDER, 30 at few joints, 12 where STIFF; half of it in sweeps without bias) also where
+                                        it is not met, unless a sweep still changes the speeds, each body weighed by its mass, by more than
+                                        1 m/s: what is left then is better spent on the next substep. iterations and substeps are the most that a
+                                        step of any island may have; 0: all the sweeps are made */
 } cairn_params;
 
 /* ---- Solver ------------------------------------------------------------------------------------------------------ */
@@ -465,6 +465,7 @@ typedef struct cairn_evaluation {
 #define CAIRN_REASON_UNEVEN 2u   /* contacts alone, masses further apart */
 #define CAIRN_REASON_JOINTS 3u   /* at most four joints (raw rows count six to one), no ring of them, like masses */
 #define CAIRN_REASON_STIFF 4u    /* more joints, a ring of them, or unlike masses */
+#define CAIRN_REASON_SLENDER 5u  /* contacts alone, like masses; more than 8 bodies high, and 2 bodies < height^2 */
 
 typedef struct cairn_choice {
     uint32_t first_body; /* the island's first body that can move */
