@@ -573,7 +573,7 @@ def test_a_report_has_the_maps_of_its_scenes(tmp_path: Path) -> None:
     page = report.report(tmp_path, TINY, ["overlap"], jobs=2).read_text(encoding="utf-8")
     assert 'id="atlas-overlap"' in page and 'id="atlas-column"' not in page
     rows = list(csv.DictReader(io.StringIO((tmp_path / "atlas-overlap.csv").read_text())))
-    assert len(rows) == 14 * 5 and {row["state"] for row in rows} <= {SURVIVED, DEGRADED, FAILED}
+    assert len(rows) == 15 * 5 and {row["state"] for row in rows} <= {SURVIVED, DEGRADED, FAILED}
     assert "61 frames" in page and "NaN: a number not finite" in page
 
 

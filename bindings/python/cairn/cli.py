@@ -484,7 +484,7 @@ def parser() -> argparse.ArgumentParser:
         "  cairn report out/report --scenes stack,chain --jobs 2\n\n"
         "Each run is kept in OUT/cache, by scene, sizes, method, parameters, libcairn's build and the machine: an\n"
         "interrupted report goes on where it stopped. --quick takes minutes, with few frames and small sizes; without\n"
-        "it, hours. The scenes heavy-pendulum, column, stack-1m and overlap have maps of their own."
+        "it, about an hour. The scenes heavy-pendulum, column, stack-1m and overlap have maps of their own."
     )
     study = add("report", "chart speed against accuracy, and where methods fail", examples, _command_report)
     study.add_argument("out", nargs="?", default="out/report", metavar="OUT", help="folder to write to (%(default)s)")

@@ -110,8 +110,8 @@ def work_precision(plan: Plan, scene: str) -> list[Task]:
 
 # ---- The atlas ---------------------------------------------------------------------------------------------------
 
-DEFAULT_SUBSTEPS = {"tj": 10, "tjsoft": 10, "stock-substeps": 10}  # where a map does not vary them
-_ALL = (*METHODS, "stock", "stock-substeps", "nncg", "dantzig")
+DEFAULT_SUBSTEPS = {"tj": 10, "tjsoft": 10, "auto": 10, "stock-substeps": 10}  # where a map does not vary them
+_ALL = (*METHODS, "auto", "stock", "stock-substeps", "nncg", "dantzig")
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ def _cell(kept: Entry) -> Cell:
 
 def _request(scene: str, method: str, iterations: int, changes: Sizes, dt: float | None = None) -> Request:
     parts = min(DEFAULT_SUBSTEPS.get(method, 1), iterations)
-    preset = "default" if method in METHODS else None
+    preset = "default" if method in (*METHODS, "auto") else None
     return Request(scene, method, iterations, preset, parts, changes=tuple(changes.items()), dt=dt)
 
 
@@ -178,7 +178,10 @@ def heavy_pendulum(plan: Plan) -> MapPlan:
         }
         for method in _ALL
     }
-    about = f"Default preset, {iterations} iterations a step in all; TJ, TJSoft and stock + substeps take 10 substeps."
+    about = (
+        f"Default preset, {iterations} iterations a step in all; TJ, TJSoft and stock + substeps take 10 substeps; "
+        "auto at most both."
+    )
     title = "Mass ratio and length of a chain (heavy-pendulum)"
     rows = [f"{r:g}" for r in ratios]
     return MapPlan("heavy-pendulum", title, "links", "mass ratio", [str(n) for n in links], rows, panels, [about])
@@ -197,7 +200,10 @@ def column(plan: Plan) -> MapPlan:
         }
         for method in _ALL
     }
-    about = "Default preset; TJ, TJSoft and stock + substeps take 10 substeps. Where Dantzig's fails, Bullet takes PGS."
+    about = (
+        "Default preset; TJ, TJSoft and stock + substeps take 10 substeps, auto at most as many. Where Dantzig's "
+        "fails, Bullet takes PGS."
+    )
     title = "Height of a stack and iterations (column)"
     rows = [str(n) for n in iterations]
     return MapPlan(
@@ -241,6 +247,7 @@ def overlap(plan: Plan) -> MapPlan:
     depths = [0.01, 0.05, 0.1, 0.25, 0.5] if plan.coarse else [0.01, 0.02, 0.05, 0.1, 0.25, 0.4, 0.5]
     iterations = 100
     solvers = [(method, preset) for method in METHODS for preset in PRESETS]
+    solvers.append(("auto", "default"))
     solvers += [(method, "") for method in ("stock", "stock-substeps", "nncg", "dantzig")]
     solvers.reverse()  # rows count upwards
     rows = [family_name(method, preset) for method, preset in solvers]
@@ -257,7 +264,10 @@ def overlap(plan: Plan) -> MapPlan:
         for row, (method, preset) in enumerate(solvers)
         for place, depth in enumerate(depths)
     }
-    about = f"Boxes 1 m long; {iterations} iterations of a step in all, TJ, TJSoft and stock + substeps in 10 substeps."
+    about = (
+        f"Boxes 1 m long; {iterations} iterations of a step in all, TJ, TJSoft and stock + substeps in 10 substeps, "
+        "auto in at most as many."
+    )
     return MapPlan(
         "overlap", "Depth of an overlap and method (overlap)", "depth at the start [m]", "method",
         [f"{d:g}" for d in depths], rows, {"overlap": cells}, [about],

@@ -100,7 +100,10 @@ def auto(comparisons: Sequence[Comparison], footnote: str = "") -> Drawn:
         panel.set_yticks(range(len(table)), [scene for scene, _ in table])
         panel.set_ylim(len(table) - 0.4, -0.6)
         panel.set_xlabel("solver time of auto ÷ that of the quickest setting with no more error")
-        panel.legend(title="tolerance", loc="lower right", fontsize=8)
+        ticks = [t for t in (0.25, 0.5, 1, 1.5, 2, 3, 5, 10, 20, 50, 100) if low <= t <= high]
+        panel.set_xticks(ticks, [f"{t:g}" for t in ticks])
+        panel.set_xticks([], minor=True)
+        panel.legend(title="tolerance", loc="lower left", fontsize=8)  # the last rows are those of runs that failed
         return drawn(drawing, "auto", "auto beside what is picked by hand", rows, summary(table, ratios), footnote)
 
 
