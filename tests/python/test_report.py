@@ -261,6 +261,8 @@ def rising(value: float, from_frame: int) -> np.ndarray[Any, Any]:
         (recording("column", finite=False, frames=41), FAILED, NAN, 42),
         (recording("column", {"max_speed_m_s": rising(500.0, 30)}, collapsed_at_frame=80), FAILED, EXPLODED, 30),
         (recording("heavy-pendulum", max_joint_error_m=0.3), DEGRADED, "", None),
+        (recording("heavy-pendulum", {"max_speed_m_s": rising(500.0, 30)}, energy_change_J=9.0), FAILED, EXPLODED, 30),
+        (recording("heavy-pendulum", {"max_speed_m_s": rising(500.0, 30)}, energy_change_J=-9.0), SURVIVED, "", None),
         (
             recording("heavy-pendulum", {"max_joint_error_m": rising(0.6, 12)}, max_joint_error_m=0.6),
             FAILED, COLLAPSED, 12,
@@ -287,6 +289,8 @@ def test_what_no_scene_can_make_has_exploded(scene: str) -> None:
     given = max(float(np.linalg.norm(body.linear_velocity)) for body in built.bodies)
     assert not report_outcome.exploded(recording(scene, max_speed_m_s=given))
     assert report_outcome.exploded(recording(scene, max_speed_m_s=1e3))
+    whipped = recording(scene, max_speed_m_s=1e3, energy_change_J=-1.0)  # the free end of a chain may be that fast
+    assert report_outcome.exploded(whipped) == (not built.joints)
 
 
 def test_errors_are_the_scenes_own_quantity() -> None:

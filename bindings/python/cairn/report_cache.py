@@ -24,7 +24,7 @@ from .scenes.model import Scene
 from .solver import preset
 from .workers import Task
 
-FORMAT = 2  # of the files; grows when what they hold, or how a run is judged, changes
+FORMAT = 3  # of the files; grows when what they hold, or how a run is judged, changes
 
 
 @dataclass(frozen=True)
