@@ -24,7 +24,7 @@ struct Schedule {
     const char* why;
     Method method;
     std::uint32_t substeps;      // at most params.substeps
-    std::uint32_t least, enough; // sweeps of a substep: not fewer; no more unless the island is violent. Half of enough without bias
+    std::uint32_t least, enough; // sweeps of a substep: not fewer; no more unless the island is violent. Half as many without bias
 };
 constexpr Schedule kSchedules[kReasonCount] = {
     {"no constraints: one substep, nothing to sweep", Method::pjsoft, 1, 1, 1},
@@ -49,8 +49,11 @@ inline Reason reason_of(const Features& f) {
     const std::uint32_t tied = f.joints + (f.rows + 5) / 6;
     if (tied > 0)
         return unlike || f.loop || tied > kFewJoints ? Reason::stiff : Reason::joints;
-    if (f.contacts > 0) // a column or a house of cards is narrow, a pyramid, a wall and a pile are not
-        return unlike ? Reason::uneven : f.height > kTall && 2 * f.bodies < f.height * f.height ? Reason::slender : Reason::contacts;
+    if (f.contacts > 0) {
+        // A column or a house of cards; a pyramid, a wall and a pile are wider.
+        const bool slender = f.height > kTall && 2.0 * f.bodies < 1.0 * f.height * f.height;
+        return unlike ? Reason::uneven : slender ? Reason::slender : Reason::contacts;
+    }
     return Reason::alone;
 }
 

@@ -17,7 +17,7 @@ struct Plan {
     bool bounces;                // some contact has restitution
     bool constrained;            // there is anything to sweep
     bool stops;                  // islands may come to rest before the last sweep
-    std::uint32_t least, enough; // sweeps of a substep, as in Frame::too_few and enough; without bias half of enough is enough
+    std::uint32_t least, enough; // sweeps of a substep, as in Frame::too_few and enough; without bias half as many
 
     // Sweeps of a substep: the iterations shared out evenly, the earlier ones taking what is left over.
     CAIRN_HD std::uint32_t sweeps(std::uint32_t substep) const { return iterations / substeps + (substep < iterations % substeps ? 1 : 0); }
