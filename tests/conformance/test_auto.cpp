@@ -265,14 +265,16 @@ TEST_F(Auto, TellsAColumnFromAWall) {
     w.column(0, 9, 1);
     w.column(3, 8, 1);
     std::vector<std::int32_t> below(12, CAIRN_WORLD);
-    for (int row = 0; row < 12; ++row)
-        for (std::size_t i = 0; i < below.size(); ++i) {
-            const std::int32_t box = w.body(6 + static_cast<double>(i), row + 0.5, 1);
-            w.stand(below[i], box);
-            if (i > 0)
-                w.stand(below[i - 1], box); // leans on the box beside it, which is this row's already
-            below[i] = box;
+    for (int row = 0; row < 12; ++row) {
+        std::vector<std::int32_t> laid;
+        for (std::size_t i = 0; i < below.size(); ++i) { // in bond
+            laid.push_back(w.body(6 + static_cast<double>(i) + 0.5 * row, row + 0.5, 1));
+            w.stand(below[i], laid.back());
+            if (row > 0 && i + 1 < below.size())
+                w.stand(below[i + 1], laid.back());
         }
+        below = laid;
+    }
     cairn_solver* solver = make();
     ASSERT_EQ(w.step(solver), CAIRN_OK) << cairn_last_error();
     const std::vector<cairn_choice> found = choices(solver);
